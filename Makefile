@@ -1,0 +1,38 @@
+# make demo   build the coarse tongue, move it, leave pictures in runs/ggp/figures
+# make test   lint, types, tests (part of them also on two ranks)
+# Both need Python >= 3.12, a C compiler and make; everything else goes into .venv/
+
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(shell for p in python3.13 python3.14 python3.12 python3 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 12))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
+export OMP_NUM_THREADS := 1
+
+.PHONY: demo test lint clean
+
+demo: $(VENV)/ready
+	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
+	$(BIN)/tongue run demos/ggp.toml -o runs/ggp
+	@echo "Look at runs/ggp/figures/*.png; open runs/ggp/fields.xdmf in ParaView."
+
+test: $(VENV)/ready lint
+	$(BIN)/python -m pytest
+	$(BIN)/mpiexec -n 2 $(BIN)/python -m pytest -m parallel -p no:cacheprovider </dev/null
+
+lint: $(VENV)/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+$(VENV)/ready: pyproject.toml constraints.txt
+ifeq ($(PYTHON),)
+	@echo "Python 3.12 or newer is needed and none was found on the PATH; install one, or name it: make PYTHON=/path/to/python3.13" >&2; exit 2
+endif
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 12))' || { \
+		echo "$(PYTHON) is older than Python 3.12, which is needed; name a newer one: make PYTHON=/path/to/python3.13" >&2; exit 2; }
+	"$(PYTHON)" -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[wheel,dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) runs build *.egg-info
