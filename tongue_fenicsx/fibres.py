@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""Fibre bundles: polylines, their distance, and the smooth direction field between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class FibreBundle:
+    """The fibres of one muscle as polylines that all run the same way.
+
+    Parameters
+    ----------
+    lines : sequence of (n, 3) float arrays
+        Polylines in m, each from its origin to its insertion.
+    smoothing : float
+        Standard deviation in m of the Gaussian that averages directions of neighbouring fibres.
+    """
+
+    spacing = 1e-3
+
+    def __init__(self, lines: Sequence[Floats], smoothing: float = 3e-3) -> None:
+        self.lines = [np.asarray(line, dtype=float) for line in lines]
+        self.smoothing = smoothing
+
+    @cached_property
+    def _samples(self) -> tuple[Floats, Floats]:
+        points, tangents = [], []
+        for line in self.lines:
+            for start, step in zip(line[:-1], np.diff(line, axis=0), strict=True):
+                length = np.linalg.norm(step)
+                n = max(1, int(np.ceil(length / self.spacing)))
+                points.append(start + (np.arange(n)[:, None] + 0.5) / n * step)
+                tangents.append(np.repeat(step[None] / length, n, axis=0))
+        return np.vstack(points), np.vstack(tangents)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self._samples[0])
+
+    @property
+    def lengths(self) -> Floats:
+        """Length of each fibre, (n_lines,), in m."""
+        return np.array([np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in self.lines])
+
+    def within(self, points: Floats, radius: float) -> Bools:
+        """Whether each point, (n, 3), lies within `radius` (m) of a fibre."""
+        lower, upper = self._samples[0].min(axis=0) - radius, self._samples[0].max(axis=0) + radius
+        near = np.all((points >= lower) & (points <= upper), axis=1)
+        near[near] = np.isfinite(self._tree.query(points[near], distance_upper_bound=radius)[0])
+        return near
+
+    def direction(self, points: Floats) -> Floats:
+        """Unit fibre direction at each point, (n, 3): the Gaussian mean of the tangents nearby."""
+        samples, tangents = self._samples
+        k = min(48, len(samples))
+        distance, index = self._tree.query(points, k=np.arange(1, k + 1))
+        weight = np.exp(-(distance**2 - distance[:, :1] ** 2) / (2 * self.smoothing**2))
+        mean = np.einsum("nk,nkd->nd", weight, tangents[index])
+        norm = np.linalg.norm(mean, axis=1, keepdims=True)
+        return np.asarray(np.where(norm > 1e-6, mean / np.maximum(norm, 1e-6), tangents[index[:, 0]]))

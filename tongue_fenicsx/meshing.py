@@ -1,0 +1,382 @@
+# SPDX-License-Identifier: MIT
+"""From an `Anatomy` to files: a Gmsh mesh with overlapping muscles, its fibre fields and its figures.
+
+A cell may belong to several muscles, but Gmsh and DOLFINx want one physical volume per cell. So there is one physical
+volume per combination, named like ``GGP_L+TRANS_L`` (``passive`` where no muscle is). Beside ``FILE.msh`` lie
+``FILE.h5`` with the weight and fibre direction of each muscle at the vertices of its cells, and ``FILE.json`` with the
+figures an anatomist asks for.
+
+The weight of a muscle is its region averaged over the elements around a vertex, so that the muscle's edge is smooth on
+any mesh while the integral of the weight is the volume of the region. A cell is counted to a muscle when at least half
+of it lies in the region.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from . import muscles as muscle_facts
+from .anatomy import Anatomy, measure
+from .errors import InputError
+from .fibres import Floats
+from .surface import Surface
+
+Ints = NDArray[np.int64]
+
+PRESETS = {"coarse": 6.4e-3, "medium": 4.2e-3, "reference": 2.35e-3}
+"""Element size in m away from the attachments."""
+
+REFINEMENT, REFINED_WITHIN = 0.7, 10e-3
+"""Elements at a bonded area have this fraction of the size; it grows back to 1 over the distance in m."""
+
+SUBPOINTS = np.array([i for i in product(range(4), repeat=4) if sum(i) == 3]) / 4 + 1 / 16
+"""Barycentric coordinates of 20 evenly spread points of a tetrahedron."""
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """A tetrahedral mesh with labelled boundary triangles.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Vertices in m.
+    cells : (m, 4) int array
+        Vertex numbers, positively oriented.
+    facets : (k, 3) int array
+        Boundary triangles.
+    labels : (k,) str array
+        What each boundary triangle is bonded to, or ``free``.
+    """
+
+    points: Floats
+    cells: Ints
+    facets: Ints
+    labels: NDArray[np.str_]
+
+    @property
+    def volumes(self) -> Floats:
+        """Volume of each cell, (m,), in m³."""
+        a, b, c, d = (self.points[self.cells[:, i]] for i in range(4))
+        return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6)
+
+    @property
+    def n_quadratic_nodes(self) -> int:
+        """Vertices and edge midpoints."""
+        edges = np.sort(self.cells[:, [0, 1, 0, 2, 0, 3, 1, 2, 1, 3, 2, 3]].reshape(-1, 2), axis=1)
+        return len(self.points) + len(np.unique(edges, axis=0))
+
+
+@dataclass(frozen=True)
+class MuscleField:
+    """One muscle on a mesh.
+
+    Attributes
+    ----------
+    cells : (k,) int array
+        Cells that its region touches.
+    nodes : (n,) int array
+        Their vertices.
+    weight : (n,) float array
+        Share of the region around each vertex, 0…1.
+    direction : (n, 3) float array
+        Unit fibre direction.
+    share : (k,) float array
+        Share of each cell that lies in the region.
+    volume : float
+        Volume of the region in m³.
+    """
+
+    cells: Ints
+    nodes: Ints
+    weight: Floats
+    direction: Floats
+    share: Floats
+    volume: float
+
+
+def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
+    """Mesh a tongue and write ``FILE.msh``, ``FILE.h5`` and ``FILE.json``.
+
+    Parameters
+    ----------
+    anatomy : Anatomy
+        The tongue.
+    path : Path
+        The ``.msh`` file; the others lie beside it.
+    size : float
+        Element size in m; 0.7 of it at bonded areas.
+
+    Returns
+    -------
+    dict
+        What ``FILE.json`` holds: volume, arc, chord, width, mid-sagittal area, node and cell counts, quality, muscles,
+        landmarks and notes, in SI units.
+
+    Raises
+    ------
+    InputError
+        If the size is out of range, the surface cannot be meshed, a muscle's region is empty or the folder is unwritable.
+    """
+    if not 1e-3 <= size <= 20e-3:
+        raise InputError(f"size: {1e3 * size:g} mm is out of range; 1 to 20 mm is accepted.")
+    if path.suffix != ".msh":
+        raise InputError(f"{path}: the mesh file must end in .msh.")
+    check_writable(path.parent)
+    mesh = tetrahedralise(anatomy, size)
+    fields = project_muscles(anatomy, mesh)
+    shape = measure(anatomy.surface, anatomy.genial_spine)
+    surface_nodes = mesh.points[np.unique(mesh.facets)]
+    landmarks = {name: surface_nodes[np.argmin(((surface_nodes - p) ** 2).sum(axis=1))] for name, p in shape.landmarks.items()}
+    owned, quality = _write_msh(mesh, fields, path)
+    _write_h5(anatomy, mesh, fields, landmarks, path.with_suffix(".h5"))
+    figures = {
+        "name": anatomy.name,
+        "origin_m": anatomy.genial_spine.tolist(),
+        "volume_m3": float(mesh.volumes.sum()),
+        "arc_length_m": shape.arc_length,
+        "chord_m": shape.chord,
+        "width_m": shape.width,
+        "midsagittal_area_m2": shape.midsagittal_area,
+        "n_nodes": mesh.n_quadratic_nodes,
+        "n_cells": len(mesh.cells),
+        "min_sicn": quality,
+        "muscles": {
+            name: {
+                "volume_m3": field.volume,
+                "n_cells": int(owned[name].sum()),
+                "mean_length_m": float(anatomy.muscles[name].fibres.lengths.mean()),
+                "pcsa_m2": _pcsa(name),
+            }
+            for name, field in fields.items()
+        },
+        "landmarks": {name: p.tolist() for name, p in landmarks.items()},
+        "notes": anatomy.notes,
+    }
+    path.with_suffix(".json").write_text(json.dumps(figures, indent=2) + "\n")
+    return figures
+
+
+def check_writable(folder: Path) -> None:
+    """Make a folder, or say that it cannot be written.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written.
+    """
+    probe = folder / ".tongue-write-test"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); give a folder that you may write to.") from error
+
+
+def _pcsa(name: str) -> float | None:
+    facts = muscle_facts.CATALOGUE.get(muscle_facts.base_name(name))
+    if facts is None:
+        return None
+    return facts.pcsa / (2 if name.endswith(("_L", "_R")) else 1)
+
+
+def tetrahedralise(anatomy: Anatomy, size: float) -> Tetrahedra:
+    """Fill the surface with tetrahedra, finer at the bonded areas; a mirrored tongue is meshed by halves.
+
+    Raises
+    ------
+    InputError
+        If Gmsh cannot parametrise or fill the surface.
+    """
+    surface = anatomy.surface
+    if anatomy.mirrored:
+        right = surface.centroids[:, 1] > 0
+        surface = Surface(surface.points, surface.triangles[right], surface.labels[right])
+    try:
+        points, cells = _gmsh_fill(surface, size)
+    except Exception as error:  # the gmsh module raises plain Exception
+        raise InputError(f"{anatomy.name}: Gmsh could not mesh the surface at {1e3 * size:g} mm: {error}") from error
+    if anatomy.mirrored:
+        points[abs(points[:, 1]) < 1e-9, 1] = 0.0
+        off_plane = points[:, 1] > 0
+        twin = np.arange(len(points))
+        twin[off_plane] = len(points) + np.arange(off_plane.sum())
+        points = np.vstack([points, points[off_plane] * (1, -1, 1)])
+        cells = np.vstack([cells, twin[cells][:, [1, 0, 2, 3]]])
+    faces = cells[:, [1, 2, 3, 0, 3, 2, 0, 1, 3, 0, 2, 1]].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    facets = faces[first[count == 1]]
+    centroids = points[facets].mean(axis=1)
+    if anatomy.mirrored:
+        centroids[:, 1] = abs(centroids[:, 1])  # the same label on both sides
+    labels = surface.labels[surface.nearest_triangle(centroids)[0]]
+    return Tetrahedra(points, cells, facets, labels)
+
+
+def _gmsh_fill(surface: Surface, size: float) -> tuple[Floats, Ints]:
+    """Remesh a discrete surface and fill it; a flat hole at y = 0 is closed by the mid-sagittal plane."""
+    bonded = surface.triangles[surface.labels != "free"]
+    near = cKDTree(1e3 * surface.points[np.unique(bonded)]) if len(bonded) else None
+    h = 1e3 * size
+    used, triangles = np.unique(surface.triangles, return_inverse=True)
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.3 * h)
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+        model = gmsh.model
+        model.addDiscreteEntity(2, 1)
+        model.mesh.addNodes(2, 1, np.arange(1, len(used) + 1), (1e3 * surface.points[used]).ravel())
+        model.mesh.addElementsByType(1, 2, [], triangles.reshape(-1) + 1)
+        model.mesh.classifySurfaces(math.pi, boundary=True, forReparametrization=True, curveAngle=math.pi)
+        model.mesh.createGeometry()
+        on_plane = [tag for _, tag in model.getEntities(1) if np.ptp(model.getBoundingBox(1, tag)[1::3]) < 1e-3 and _is_rim(tag)]
+        if on_plane:
+            loop = model.geo.addCurveLoop(on_plane, reorient=True)
+            model.geo.addPlaneSurface([loop])
+            model.geo.synchronize()
+        model.geo.addVolume([model.geo.addSurfaceLoop([tag for _, tag in model.getEntities(2)])])
+        model.geo.synchronize()
+
+        lookup = _SizeLookup(near, surface, h)
+        model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: lookup(x, y, z))
+        model.mesh.generate(3)
+        model.mesh.optimize("Netgen")
+        tags, coordinates, _ = model.mesh.getNodes()
+        _, nodes = model.mesh.getElementsByType(4)
+    finally:
+        gmsh.finalize()
+    points = coordinates.reshape(-1, 3)
+    index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    index[tags.astype(np.int64)] = np.arange(len(tags))
+    cells = index[nodes.astype(np.int64)].reshape(-1, 4)
+    kept, cells = np.unique(cells, return_inverse=True)
+    return points[kept] * 1e-3, cells.reshape(-1, 4).astype(np.int64)
+
+
+def _is_rim(curve: int) -> bool:
+    """Whether only one surface meets at a curve."""
+    return len(gmsh.model.getAdjacencies(1, curve)[0]) == 1
+
+
+class _SizeLookup:
+    """Element size in mm near a point, from a grid of 2 mm (Gmsh asks some hundred thousand times)."""
+
+    def __init__(self, bonded: cKDTree | None, surface: Surface, h: float) -> None:
+        lower, upper = 1e3 * surface.points.min(axis=0) - 4, 1e3 * surface.points.max(axis=0) + 4
+        axes = [np.arange(lower[i], upper[i] + 2, 2.0) for i in range(3)]
+        distance = np.full([len(a) for a in axes], np.inf)
+        if bonded is not None:
+            distance = bonded.query(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))[0]
+        ramp = np.clip(distance / (1e3 * REFINED_WITHIN), 0, 1)
+        self._size = (h * (REFINEMENT + (1 - REFINEMENT) * ramp)).tolist()
+        self._lower = lower.tolist()
+        self._last = [len(a) - 1 for a in axes]
+
+    def __call__(self, x: float, y: float, z: float) -> float:
+        i, j, k = (min(max(round((value - low) / 2), 0), last) for value, low, last in zip((x, y, z), self._lower, self._last, strict=True))
+        return float(self._size[i][j][k])
+
+
+def project_muscles(anatomy: Anatomy, mesh: Tetrahedra) -> dict[str, MuscleField]:
+    """Weights and directions of every muscle at the vertices of the cells that its region touches.
+
+    Raises
+    ------
+    InputError
+        If a muscle's region touches no cell.
+    """
+    points = np.einsum("sv,cvd->csd", SUBPOINTS, mesh.points[mesh.cells]).reshape(-1, 3)
+    volumes = mesh.volumes
+    fields = {}
+    for name, muscle in anatomy.muscles.items():
+        inside = muscle.region(points).reshape(len(mesh.cells), len(SUBPOINTS))
+        cells = np.flatnonzero(inside.any(axis=1))
+        if len(cells) == 0:
+            raise InputError(f"{anatomy.name}: muscle {name!r} has an empty region; its fibres must run inside the tongue surface.")
+        share = np.einsum("cs,sv->cv", inside[cells], SUBPOINTS) / len(SUBPOINTS) * volumes[cells, None]
+        nodes, local = np.unique(mesh.cells[cells], return_inverse=True)
+        local = local.reshape(-1, 4)
+        total = np.bincount(local.ravel(), share.ravel())
+        capacity = np.bincount(local.ravel(), np.repeat(volumes[cells] / 4, 4))
+        fields[name] = MuscleField(
+            cells,
+            nodes,
+            total / capacity,
+            muscle.fibres.direction(mesh.points[nodes]),
+            inside[cells].mean(axis=1),
+            float(share.sum()),
+        )
+    return fields
+
+
+def _ordered(names: set[str]) -> list[str]:
+    order = list(muscle_facts.CATALOGUE)
+    return sorted(names, key=lambda n: (order.index(b) if (b := muscle_facts.base_name(n)) in order else len(order), n))
+
+
+def _write_msh(mesh: Tetrahedra, fields: dict[str, MuscleField], path: Path) -> tuple[dict[str, NDArray[np.bool_]], float]:
+    """Write the mesh; return which cells count to each muscle and the smallest SICN quality."""
+    names = _ordered(set(fields))
+    owned = {}
+    for name in names:
+        owned[name] = np.zeros(len(mesh.cells), dtype=bool)
+        owned[name][fields[name].cells] = fields[name].share >= 0.5
+    combination, of_cell = np.zeros((1, 0), dtype=bool), np.zeros(len(mesh.cells), dtype=np.int64)
+    if names:
+        combination, inverse = np.unique(np.stack([owned[n] for n in names], axis=1), axis=0, return_inverse=True)
+        of_cell = inverse.reshape(-1)
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        model = gmsh.model
+        next_tag = 1
+        for i, row in enumerate(combination):
+            volume = model.addDiscreteEntity(3)
+            if i == 0:
+                model.mesh.addNodes(3, volume, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
+            cells = mesh.cells[of_cell == i]
+            model.mesh.addElementsByType(volume, 4, np.arange(next_tag, next_tag + len(cells)), cells.ravel() + 1)
+            next_tag += len(cells)
+            model.addPhysicalGroup(3, [volume], name="+".join(n for n, own in zip(names, row, strict=True) if own) or "passive")
+        for label in sorted(set(mesh.labels.tolist())):
+            surface = model.addDiscreteEntity(2)
+            facets = mesh.facets[mesh.labels == label]
+            model.mesh.addElementsByType(surface, 2, np.arange(next_tag, next_tag + len(facets)), facets.ravel() + 1)
+            next_tag += len(facets)
+            model.addPhysicalGroup(2, [surface], name=label)
+        tags, _ = model.mesh.getElementsByType(4)
+        quality = float(model.mesh.getElementQualities(tags, "minSICN").min())
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return owned, quality
+
+
+def _write_h5(anatomy: Anatomy, mesh: Tetrahedra, fields: dict[str, MuscleField], landmarks: dict[str, Floats], path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs["name"] = anatomy.name
+        file.create_dataset("cells", data=mesh.cells.astype(np.int32), compression="gzip")
+        for name, field in fields.items():
+            group = file.create_group(f"muscles/{name}")
+            group.create_dataset("cells", data=field.cells.astype(np.int32), compression="gzip")
+            group.create_dataset("nodes", data=field.nodes.astype(np.int32), compression="gzip")
+            group.create_dataset("weight", data=field.weight)
+            group.create_dataset("direction", data=field.direction)
+        for name, point in landmarks.items():
+            file.create_dataset(f"landmarks/{name}", data=point)

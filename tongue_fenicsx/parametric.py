@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: MIT
+"""The built-in tongue: a smooth symmetric surface from a mid-sagittal contour and half-widths, and eleven muscles.
+
+The numbers are millimetres in the frame of the superior genial spine (x posterior, y right, z up). The contour and the
+muscle paths follow means published for the Grenoble tongue (Buchaillard, Perrier, Payan 2009; Stavness et al. 2011),
+the fans and layers follow Gray's anatomy. The surface is the zero set of h(x, z)² − y², where the half-width h falls to
+zero at the contour like a superellipse, so that edges and tip are round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+import pyvista as pv
+from matplotlib.path import Path as Polygon
+from scipy.interpolate import PchipInterpolator, RectBivariateSpline, make_interp_spline, splev, splprep
+from scipy.special import beta
+
+from .anatomy import Anatomy, Muscle
+from .fibres import Bools, FibreBundle, Floats
+from .surface import Surface
+
+MM = 1e-3
+
+CONTOUR = np.array([
+    (-0.7, 2.3), (0.4, 8.5), (-2.0, 13.3), (-11.1, 18.0), (-17.0, 21.6), (-19.6, 26.0), (-17.4, 29.8), (-11.9, 32.4),
+    (1.3, 37.0), (17.0, 39.4), (34.0, 36.2), (46.3, 25.0), (50.5, 15.1), (51.5, 5.9), (50.0, -3.0), (44.7, -9.5),
+    (38.0, -14.0), (31.0, -17.0), (23.5, -17.4), (12.5, -16.5), (2.8, -15.0), (-0.6, -9.0),
+])  # fmt: skip
+"""Mid-sagittal contour (x, z): genial notch, blade underside, tip, dorsum, root, vallecula, hyoid, floor, symphysis."""
+
+STATIONS = np.array([-25.0, -18, -12, -6, 0, 6, 12, 18, 24, 30, 36, 42, 48, 58])
+ORAL = np.array([8.5, 10.5, 12.6, 14.4, 16.2, 18.0, 19.8, 21.2, 22.3, 23.0, 23.5, 23.8, 24.0, 24.0])
+FLOOR = np.array([6.5, 6.5, 6.5, 6.6, 7.0, 9.2, 12.8, 17.0, 20.8, 24.2, 27.6, 30.4, 31.5, 31.5])
+"""Half-width over x of the oral part and of the part within the jaw; they blend over a few mm around z = 15."""
+
+ROUNDING = 11.0
+"""Depth below the contour, in mm, over which the half-width grows to its full value."""
+
+
+class Profile:
+    """The tongue shape as functions of mid-sagittal position (mm), tabulated once on a grid of 0.5 mm."""
+
+    def __init__(self) -> None:
+        tck, _ = splprep(np.vstack([CONTOUR, CONTOUR[:1]]).T, s=6.0, per=True)
+        self.contour: Floats = np.array(splev(np.linspace(0, 1, 4001)[:-1], tck)).T
+        lower, upper = self.contour.min(axis=0) - 12, self.contour.max(axis=0) + 12
+        x, z = (np.arange(lower[i], upper[i], 0.5) for i in (0, 1))
+        depth = self._distance(np.stack(np.meshgrid(x, z, indexing="ij"), axis=2).reshape(-1, 2)).reshape(len(x), len(z))
+        low = 1 / (1 + np.exp((z - 15.0) / 2.0))
+        width = (1 - low) * PchipInterpolator(STATIONS, ORAL)(x)[:, None] + low * PchipInterpolator(STATIONS, FLOOR)(x)[:, None]
+        s = np.clip(depth / ROUNDING, -1, 1)
+        self._depth = RectBivariateSpline(x, z, depth)
+        self._half_width_squared = RectBivariateSpline(x, z, width**2 * np.where(s > 0, 1 - (1 - s) ** 2.6, 2.6 * s))
+
+    def _distance(self, xz: Floats) -> Floats:
+        """Smooth signed distance to the contour, positive inside: the L³ mean over it (Belyaev, Fayolle, Pasko 2013)."""
+        p = 3.0
+        following = np.roll(self.contour, -1, axis=0)
+        middle, step = (self.contour + following) / 2, np.linalg.norm(following - self.contour, axis=1)
+        total = np.concatenate([
+            (step / ((chunk[:, None] - middle) ** 2).sum(axis=2) ** ((p + 1) / 2)).sum(axis=1)
+            for chunk in np.array_split(xz, len(xz) // 2000 + 1)
+        ])  # fmt: skip
+        distance = (total / beta(0.5, p / 2)) ** (-1 / p)
+        return np.asarray(np.where(Polygon(self.contour).contains_points(xz), distance, -distance))
+
+    def depth(self, xz: Floats) -> Floats:
+        """Smooth distance below the contour, (n,), negative outside."""
+        return np.asarray(self._depth(*np.atleast_2d(xz).T, grid=False))
+
+    def half_width_squared(self, xz: Floats) -> Floats:
+        """h² in mm², (n,), negative outside the contour."""
+        return np.asarray(self._half_width_squared(*np.atleast_2d(xz).T, grid=False))
+
+    def half_width(self, xz: Floats) -> Floats:
+        """h in mm, (n,), zero outside the contour."""
+        return np.sqrt(np.clip(self.half_width_squared(xz), 0, None))
+
+    def _gradient(self, points: Floats) -> Floats:
+        x, y, z = points.T
+        f = self._half_width_squared
+        return np.stack([f(x, z, dx=1, grid=False), -2 * y, f(x, z, dy=1, grid=False)], axis=1)
+
+    def level(self, points: Floats) -> Floats:
+        """First-order distance in mm below the surface of points (n, 3), negative outside."""
+        value = self.half_width_squared(points[:, [0, 2]]) - points[:, 1] ** 2
+        return np.asarray(value / np.linalg.norm(self._gradient(points), axis=1))
+
+    def inward(self, points: Floats) -> Floats:
+        """Unit normal into the tongue at points (n, 3) near its surface."""
+        gradient = self._gradient(points)
+        return np.asarray(gradient / np.linalg.norm(gradient, axis=1, keepdims=True))
+
+    def surface(self, spacing: float = 1.0) -> Surface:
+        """The half at y ≥ 0 of the tongue's surface, in mm, open along the mid-sagittal plane."""
+        lower, upper = self.contour.min(axis=0) - 3 * spacing, self.contour.max(axis=0) + 3 * spacing
+        x, z = (np.arange(lower[i], upper[i], spacing) for i in (0, 1))
+        y = np.arange(0.0, FLOOR.max() + 3 * spacing, spacing)
+        h2 = self.half_width_squared(np.stack(np.meshgrid(x, z, indexing="ij"), axis=2).reshape(-1, 2))
+        grid = pv.ImageData(dimensions=(len(x), len(y), len(z)), spacing=(spacing,) * 3, origin=(x[0], 0.0, z[0]))
+        grid["level"] = (h2.reshape(len(x), 1, len(z)) - y[None, :, None] ** 2).ravel(order="F")
+        mesh = grid.contour([0.0], scalars="level").clean(tolerance=1e-3)
+        return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
+
+
+def parametric_tongue() -> Anatomy:
+    """The built-in tongue with mandible and hyoid attachments and eleven muscles.
+
+    Returns
+    -------
+    Anatomy
+        In m; its mesh is a mirrored half, so that symmetric activation moves it symmetrically.
+    """
+    profile = Profile()
+    half = profile.surface()
+    labels = _attachment(half.centroids)
+    n = len(half.points)
+    mirrored = half.points * (1, -1, 1)
+    points = np.vstack([half.points, mirrored])
+    on_plane = np.arange(n)[half.points[:, 1] < 1e-6]
+    twin = np.arange(n) + n
+    twin[on_plane] = on_plane
+    triangles = np.vstack([half.triangles, twin[half.triangles][:, ::-1]])
+    surface = Surface(points * MM, triangles, np.concatenate([labels, labels]))
+    if surface.volume < 0:
+        surface = Surface(surface.points, triangles[:, ::-1].copy(), surface.labels)
+    muscles = {muscle.name: muscle for muscle in _muscles(profile)}
+    return Anatomy("parametric tongue", surface, muscles, np.zeros(3), mirrored=True)
+
+
+def _attachment(centroids: Floats) -> np.ndarray:
+    """Labels of surface triangles (mm): symphysis and mylohyoid line to the mandible, the rear floor to the hyoid."""
+    x, y, z = centroids.T
+    symphysis = (x < 2.0) & (z > -16.0) & (z < 5.0)
+    line = np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10])
+    mylohyoid = (x < 29.0) & (abs(z - line) < 3.5) & (y > 4.0)
+    hyoid = (x > 30.5) & (z < np.interp(x, [30, 37, 50], [-10.5, -8.5, -7.0])) & (y < 22.5)
+    return np.select([symphysis | mylohyoid, hyoid], ["mandible", "hyoid"], "free").astype("<U16")
+
+
+# Muscles of the right side, in mm. Each yields the fibres and the radius around them that the muscle fills.
+
+Lines = list[Floats]
+
+
+def _smooth(points: object, n: int = 24) -> Floats:
+    """A curve through a few points."""
+    through = np.asarray(points, dtype=float)
+    s = np.r_[0, np.cumsum(np.linalg.norm(np.diff(through, axis=0), axis=1))]
+    curve: Floats = make_interp_spline(s, through, k=min(2, len(through) - 1))(np.linspace(0, s[-1], n))
+    return curve
+
+
+def _to_surface(profile: Profile, start: Floats, angle: float, under: float) -> Floats:
+    """End (x, z) of the mid-sagittal ray at `angle` (degrees above posterior) that stops `under` mm below the contour."""
+    r = np.arange(8.0, 70.0, 0.25)[:, None]
+    ray = start + r * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    outside = profile.depth(ray) < under
+    return np.asarray(ray[max(int(np.argmax(outside)) - 1, 0)])
+
+
+def _genioglossus(profile: Profile, angles: Floats, spread: tuple[float, ...]) -> Lines:
+    """The fan from the tendon line at the spine, straight behind and bent upward in front, where the notch is in the way."""
+    lines = []
+    for angle in angles:
+        start = np.array([0.3, np.interp(angle, [-5, 45, 65], [-8.0, -0.5, 1.5])])
+        if angle < 66:
+            end = _to_surface(profile, start, angle, 3.5)
+            knee = (start + end) / 2
+        else:
+            end = _to_surface(profile, np.array([9.0 - 0.12 * (angle - 66), 15.0]), angle, 3.5)
+            knee = np.array([5.5 - 0.03 * (angle - 66), 13.0])
+        for y in spread:
+            lines.append(_smooth([(start[0], 0.6 + 0.2 * y, start[1]), (knee[0], 0.6 * y + 0.4, knee[1]), (end[0], y, end[1])]))
+    return lines
+
+
+def _styloglossus(profile: Profile) -> Lines:
+    entry = [(73.5, 36.0, 52.0), (52, 29, 38.0), (38.0, 21.5, 27.0)]
+    ends = [
+        [(26.0, 17.5, 18.5), (13.0, 13.0, 14.5), (0.0, 10.0, 16.0), (-12.0, 6.5, 21.0)],
+        [(26.0, 18.5, 21.0), (14.0, 15.0, 18.5), (0.0, 12.0, 20.0), (-12.0, 9.0, 22.5)],
+        [(28.0, 16.5, 17.5), (21.0, 10.0, 12.5), (18.5, 1.5, 11.0)],
+        [(30.0, 17.5, 20.0), (25.0, 11.0, 15.0), (23.0, 1.5, 14.0)],
+    ]
+    return [_smooth([*entry, *end], 40) for end in ends]
+
+
+def _hyoglossus(profile: Profile) -> Lines:
+    lines = []
+    for s in np.linspace(0, 1, 6):
+        origin = np.array([33.0 + 17 * s, 9.5 + 8.5 * s, -10.0 + 1.5 * s])
+        middle = np.array([30.0 + 17 * s, 14.0 + 5 * s, 5.0 + 3.0 * s])
+        end = np.array([21.5 + 15 * s, 13.0 + 5.0 * s, 19.0 + 14 * s])
+        lines.append(_smooth([origin, middle, end]))
+    return lines
+
+
+def _inferior_longitudinal(profile: Profile) -> Lines:
+    return [
+        _smooth([(49.0, 12 + dy, -5.5), (36, 9.5 + dy, -5), (29.0, 9.0 + dy, 5), (20.0, 9.0 + dy, 14), (3, 7.5 + dy, 17.0),
+                 (-9.0, 6.0 + dy, 20.5), (-16.0, 4.0 + dy / 2, 24.0)], 48)
+        for dy in (-1.5, 1.5)
+    ]  # fmt: skip
+
+
+def _dorsal_shell(profile: Profile, fractions: Floats, under: float) -> Lines:
+    """Curves `under` mm below the dorsal surface from the tip to the vallecula, at fractions of the half-width."""
+    contour = profile.contour
+    tip = int(np.argmin(contour[:, 0]))
+    contour = np.roll(contour, -tip, axis=0)
+    if contour[len(contour) // 10, 1] < contour[0, 1]:
+        contour = np.roll(contour[::-1], 1, axis=0)
+    stop = int(np.argmax((contour[:, 0] > 20) & (contour[:, 1] < -8.0)))
+    start = int(np.argmax(contour[:, 1] > contour[0, 1] + 3.0))
+    station = contour[np.linspace(start, stop, 30).astype(int)]
+    inward = profile.inward(np.insert(station, 1, 0.0, axis=1))[:, [0, 2]]
+    d = np.arange(0.0, 12.0, 0.25)
+    paths = station[:, None] + d[None, :, None] * inward[:, None]
+    width = profile.half_width(paths.reshape(-1, 2)).reshape(len(station), len(d))
+    widest = np.minimum(np.maximum.accumulate(width, axis=1)[:, -1], 24.0)
+    lines = []
+    for fraction in fractions:
+        y = fraction * widest
+        at = np.argmax(width >= y[:, None], axis=1)
+        surface = paths[np.arange(len(station)), at]
+        skin = np.insert(surface, 1, y, axis=1)
+        lines.append(skin + under * profile.inward(skin))
+    return lines
+
+
+def _superior_longitudinal(profile: Profile) -> Lines:
+    lines = _dorsal_shell(profile, np.array([0.03, 0.2, 0.4, 0.6, 0.78, 0.92]), 2.2)
+    return [line[::-1] for line in [*lines, *(line * (1, -1, 1) for line in lines)]]
+
+
+def _verticalis(profile: Profile) -> Lines:
+    lines = []
+    for under_skin in _dorsal_shell(profile, np.array([0.3, 0.5, 0.7, 0.86]), 2.5):
+        for top in under_skin[2:-2:2]:
+            # toward the genioglossus origin behind, straight down in the blade
+            front = np.clip(-top[0] / 16, 0, 1)
+            centre = np.array([min(2.0, 0.6 * top[0]), 0.6 * top[1], min(top[2] - 14.0, 2.0 + 10.0 * front)])
+            reach = np.linspace(0.0, 16.0, 17)[:, None] * (centre - top) / np.linalg.norm(centre - top)
+            line = top + reach
+            line = line[np.minimum.accumulate(profile.level(line) > 1.5)]
+            lines.append(line[[0, len(line) // 2, -1]])
+    return lines
+
+
+def _transversus(profile: Profile) -> Lines:
+    lines = []
+    for x in np.arange(-15.0, 48.0, 5.0):
+        for z in np.arange(-9.0, 38.0, 5.0):
+            if profile.depth(np.array([[x, z]]))[0] < 4.0 or (z < 17.0 and x < 20.0 - 0.5 * z):
+                continue
+            end = min(0.72 * float(profile.half_width(np.array([[x, z]]))[0]), 17.0)
+            lines.append(np.array([(x, 0.0, z), (x + 0.4, end / 2, z + 0.3), (x + 1.2, end, z + 1.0)]))
+    return lines
+
+
+def _geniohyoid(profile: Profile) -> Lines:
+    return [_smooth([(1.5, 2.0 + dy, -10.5), (16.5, 3.5 + dy, -11.5), (32.0, 4.5 + 1.3 * dy, -12.5)]) for dy in (0.0, 2.5)]
+
+
+def _mylohyoid(profile: Profile) -> Lines:
+    lines = []
+    for x in np.arange(5.5, 30.0, 3.0):
+        z = float(np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10]))
+        side = float(profile.half_width(np.array([[x, z]]))[0]) - 1.0
+        low = -14.8
+        lines.append(_smooth([(x, side, z), (x + 0.5, 0.8 * side, 0.4 * z + 0.6 * low), (x, 0.45 * side, low), (x - 0.5, 0.0, low - 0.7)]))
+    return lines
+
+
+RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
+    "GGP": (partial(_genioglossus, angles=np.arange(-4.0, 43.0, 6.5), spread=(1.2, 4.5, 7.0)), 2.2),
+    "GGM": (partial(_genioglossus, angles=np.arange(48.0, 64.0, 4.5), spread=(1.2, 4.5)), 2.0),
+    "GGA": (partial(_genioglossus, angles=np.arange(68.0, 122.0, 7.0), spread=(1.2, 4.5)), 2.2),
+    "SG": (_styloglossus, 2.3),
+    "HG": (_hyoglossus, 2.6),
+    "IL": (_inferior_longitudinal, 2.0),
+    "VERT": (_verticalis, 2.3),
+    "TRANS": (_transversus, 2.7),
+    "GH": (_geniohyoid, 2.4),
+    "MH": (_mylohyoid, 2.2),
+}
+"""Fibres and the radius in mm around them that the muscle fills, for the muscles that have a left and a right."""
+
+
+def _muscles(profile: Profile) -> Iterator[Muscle]:
+    for name, (rule, radius) in RIGHT.items():
+        right = [line * MM for line in rule(profile)]
+        for side, sign in (("L", -1.0), ("R", 1.0)):
+            bundle = FibreBundle([line * (1, sign, 1) for line in right])
+            yield Muscle(f"{name}_{side}", bundle, partial(_one_side, bundle, radius * MM, sign))
+    shell = FibreBundle([line * MM for line in _superior_longitudinal(profile)])
+    yield Muscle("SL", shell, partial(_under_skin, profile, shell))
+
+
+def _one_side(bundle: FibreBundle, radius: float, sign: float, points: Floats) -> Bools:
+    inside: Bools = bundle.within(points, radius) & (sign * points[:, 1] > 0)
+    return inside
+
+
+def _under_skin(profile: Profile, bundle: FibreBundle, points: Floats) -> Bools:
+    near = bundle.within(points, 6.5 * MM)
+    near[near] = profile.level(points[near] / MM) < 4.0
+    return near

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: MIT
+"""Closed triangulated surfaces: checks, repair, labels, nearest triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pymeshfix
+import pyvista as pv
+from numpy.typing import NDArray
+
+from .errors import InputError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A triangulated surface with one label per triangle.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Vertices in m.
+    triangles : (m, 3) int array
+        Vertex indices, counter-clockwise seen from outside.
+    labels : (m,) str array
+        ``"free"`` or the bone the triangle is bonded to (``"mandible"``, ``"hyoid"``, …).
+    """
+
+    points: Floats
+    triangles: Ints
+    labels: NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype="<U16"))
+
+    def __post_init__(self) -> None:
+        if len(self.labels) == 0:
+            object.__setattr__(self, "labels", np.full(len(self.triangles), "free", dtype="<U16"))
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume in m³ (positive when the normals point outward)."""
+        a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+    @property
+    def centroids(self) -> Floats:
+        """Triangle centroids, (m, 3), in m."""
+        return self.points[self.triangles].mean(axis=1)
+
+    def edge_sharing(self) -> Ints:
+        """How many triangles share each edge, (n_edges,); a closed manifold has 2 everywhere."""
+        edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        return np.unique(edges, axis=0, return_counts=True)[1].astype(np.int64)
+
+    def to_pyvista(self) -> pv.PolyData:
+        """The same surface as a `pyvista.PolyData`."""
+        return pv.PolyData.from_regular_faces(self.points, self.triangles)
+
+    def nearest_triangle(self, points: Floats) -> tuple[Ints, Floats]:
+        """Index of the nearest triangle of each point, (n,), and the nearest surface point, (n, 3)."""
+        cells, nearest = self.to_pyvista().find_closest_cell(points, return_closest_point=True)
+        return np.atleast_1d(cells).astype(np.int64), np.atleast_2d(nearest)
+
+
+def read_surface(path: Path) -> Surface:
+    """Read a triangulated surface (STL, OBJ, PLY, VTP) and merge its duplicate points.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or holds no triangles.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: the file does not exist; a surface in STL, OBJ, PLY or VTP is expected.")
+    try:
+        mesh = pv.read(path).extract_surface(algorithm=None).triangulate().clean()
+    except (OSError, ValueError, AttributeError) as error:
+        raise InputError(f"{path}: cannot be read as a surface (STL, OBJ, PLY or VTP): {error}") from error
+    if mesh.n_cells == 0:
+        raise InputError(f"{path}: holds no triangles; a surface in STL, OBJ, PLY or VTP is expected.")
+    return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
+
+
+def closed(surface: Surface, source: Path) -> tuple[Surface, str | None]:
+    """Make a surface a closed, outward-oriented manifold, or say why it is not one.
+
+    Edges shared by more than two triangles are repaired with pymeshfix; holes are not filled, because
+    a guessed patch would be anatomy that nobody measured.
+
+    Returns
+    -------
+    surface, note
+        The surface and, when it was repaired, a sentence that says how.
+
+    Raises
+    ------
+    InputError
+        If the surface is open or the repair changes the volume by more than 1 %.
+    """
+    sharing = surface.edge_sharing()
+    if np.any(sharing == 1):
+        raise InputError(
+            f"{source}: the surface is open ({int(np.sum(sharing == 1))} edges belong to one triangle only); "
+            "a closed surface is needed, so close its holes in the tool that made it."
+        )
+    note = None
+    if np.any(sharing > 2):
+        before, n_before = abs(surface.volume), len(surface.points)
+        vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))
+        surface = Surface(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64))
+        change = abs(abs(surface.volume) / before - 1)
+        if np.any(surface.edge_sharing() != 2) or change > 0.01:
+            raise InputError(
+                f"{source}: {int(np.sum(sharing > 2))} edges are shared by more than two triangles and pymeshfix could not "
+                f"repair them (volume change {100 * change:.1f} %); mend the surface in the tool that made it."
+            )
+        note = (
+            f"{source.name}: {int(np.sum(sharing > 2))} edges shared by more than two triangles were repaired with "
+            f"pymeshfix ({n_before} to {len(surface.points)} vertices, volume change {100 * change:.3f} %)."
+        )
+    if surface.volume < 0:
+        surface = Surface(surface.points, surface.triangles[:, ::-1].copy(), surface.labels)
+        note = f"{note or ''} {source.name}: the normals pointed inward and were turned.".strip()
+    return surface, note
