@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: MIT
+"""Active fibre stress: Blemker's force–length law, two force–velocity laws, any number of overlapping muscles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import basix
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .fibres import Floats
+from .passive import Expr
+from .tonguemesh import MuscleCells, TongueMesh
+
+
+def force_length(stretch: Expr) -> Expr:
+    """Active force–length factor of the normalised fibre stretch λ̂, 1 at λ̂ = 1, 0 outside [0.4, 1.6] (Blemker 2005)."""
+    x = stretch
+    return ufl.conditional(
+        ufl.lt(x, 0.6),
+        ufl.conditional(ufl.lt(x, 0.4), 0.0, 9 * (x - 0.4) ** 2),
+        ufl.conditional(ufl.lt(x, 1.4), 1 - 4 * (1 - x) ** 2, ufl.conditional(ufl.lt(x, 1.6), 9 * (x - 1.6) ** 2, 0.0)),
+    )
+
+
+def _grenoble(rate: Expr) -> Expr:
+    return ufl.max_value(0.0, 0.7109 + 0.712 * ufl.atan(0.43 + 0.4444 * rate) + 0.0329 * rate)
+
+
+def _hill(rate: Expr) -> Expr:
+    v_max, curvature, plateau = 7.5, 0.25, 1.5
+    v = rate / v_max
+    shortening = ufl.max_value(0.0, (1 + v) / (1 - ufl.min_value(v, 0.0) / curvature))
+    k = (1 + 1 / curvature) / (plateau - 1) * ufl.max_value(v, 0.0)
+    return ufl.conditional(ufl.lt(v, 0.0), shortening, (1 + plateau * k) / (1 + k))
+
+
+FORCE_VELOCITY: dict[str, Callable[[Expr], Expr]] = {
+    "grenoble": _grenoble,
+    "hill": _hill,
+    "none": lambda rate: ufl.as_ufl(1.0),
+}
+"""Force–velocity factor of the isochoric stretch rate (1/s) by name, 1 at rest and clipped at 0: the λ-model form of
+Grenoble (constants of Perrier 2003, after Huxley 1957); Hill's hyperbola (Winters 1990; v_max 7.5 lengths/s, curvature
+0.25, 1.5 in lengthening); none."""
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """How muscle contracts.
+
+    Attributes
+    ----------
+    force_velocity : str
+        ``"grenoble"``, ``"hill"`` or ``"none"``.
+    optimal_stretch : float
+        λ_ofl, the fibre stretch of largest active force.
+    tendon_length : float
+        Distance in m from a bonded area over which the active stress rises from 0 to 1.
+    """
+
+    force_velocity: str = "grenoble"
+    optimal_stretch: float = 1.0
+    tendon_length: float = 6e-3
+
+    def __post_init__(self) -> None:
+        if self.force_velocity not in FORCE_VELOCITY:
+            raise InputError(f"force_velocity: {self.force_velocity!r}; one of {', '.join(FORCE_VELOCITY)} is expected.")
+        if not 0.5 <= self.optimal_stretch <= 2:
+            raise InputError(f"optimal_stretch: {self.optimal_stretch}; a stretch from 0.5 to 2 is expected.")
+        if not 0 <= self.tendon_length <= 0.05:
+            raise InputError(f"tendon_length: {self.tendon_length} m; 0 to 0.05 m is expected.")
+
+    def stress(self, F: Expr, F_rate: Expr, F_frozen: Expr, direction: Expr, tension: Expr) -> Expr:
+        """First Piola–Kirchhoff stress of one fibre family, T f_L(λ̂) f_V(λ̄̇)/λ_ofl ∂λ̄/∂F.
+
+        Parameters
+        ----------
+        F, F_rate : Expr
+            Deformation gradient and its rate in 1/s.
+        F_frozen : Expr
+            The same deformation gradient, held fixed when the stretch rate λ̄̇ = ∂λ̄/∂F : Ḟ is differentiated: what is
+            left out of the tangent is its unsymmetric part, of order λ̄̇ times half the time step.
+        direction : Expr
+            Unit fibre direction at rest.
+        tension : Expr
+            Activation times peak stress in Pa.
+        """
+        stretch, gradient = _isochoric_stretch(F, direction)
+        rate = ufl.inner(_isochoric_stretch(F_frozen, direction)[1], F_rate)
+        factor = force_length(stretch / self.optimal_stretch) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
+        return tension * factor / self.optimal_stretch * gradient
+
+
+def _isochoric_stretch(F: Expr, direction: Expr) -> tuple[Expr, Expr]:
+    """λ̄ = J^(−1/3)|F a₀| and ∂λ̄/∂F."""
+    J, fibre = ufl.det(F), F * direction
+    stretch = J ** (-1 / 3) * ufl.sqrt(ufl.dot(fibre, fibre))
+    return stretch, J ** (-2 / 3) / stretch * ufl.outer(fibre, direction) - stretch / 3 * ufl.inv(F).T
+
+
+class FibreSlots:
+    """Overlapping muscles as a few slots per cell, so that one kernel serves any number of them.
+
+    Each cell keeps the direction and the weight of its first, second, … muscle in slot 1, 2, …; a slot that a cell does
+    not need carries no tension.
+
+    Parameters
+    ----------
+    tongue : TongueMesh
+        The mesh.
+    muscles : dict
+        The muscles to carry.
+    sigma_max : mapping
+        Peak stress in Pa of each.
+    fade : callable
+        Takes points (n, 3), returns the tendon factor 0…1.
+    degree : int
+        Quadrature degree of the forms.
+    """
+
+    def __init__(
+        self,
+        tongue: TongueMesh,
+        muscles: dict[str, MuscleCells],
+        sigma_max: Mapping[str, float],
+        fade: Callable[[Floats], Floats],
+        degree: int,
+    ) -> None:
+        mesh = tongue.mesh
+        points, _ = basix.make_quadrature(basix.CellType.tetrahedron, degree)
+        vertex = np.column_stack([1 - points.sum(axis=1), points])  # P1 shape functions, (q, 4)
+        n_cells = mesh.topology.index_map(3).size_local + mesh.topology.index_map(3).num_ghosts
+        used = np.zeros(n_cells, dtype=np.int64)
+        for muscle in muscles.values():
+            used[muscle.cells] += 1
+        n_slots = mesh.comm.allreduce(int(used.max(initial=0)), op=MPI.MAX)
+        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(3,), degree=degree)
+        vectors = fem.functionspace(mesh, element)
+        scalars = fem.functionspace(mesh, basix.ufl.quadrature_element("tetrahedron", value_shape=(), degree=degree))
+        self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
+        self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
+        self.names = list(muscles)
+        self._dofs = scalars.dofmap.list
+        self._muscle = np.full((n_slots, n_cells), -1, dtype=np.int64)
+        self._stress = np.zeros((n_slots, n_cells, len(points)))
+        for function in self.directions:
+            function.x.array[:] = np.tile([1.0, 0.0, 0.0], len(function.x.array) // 3)
+        used[:] = 0
+        for index, (name, muscle) in enumerate(muscles.items()):
+            direction = np.einsum("qv,cvd->cqd", vertex, muscle.direction)
+            direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+            at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0][muscle.cells]])
+            weight = (muscle.weight @ vertex.T) * fade(at.reshape(-1, 3)).reshape(at.shape[:2])
+            slot = used[muscle.cells]
+            used[muscle.cells] += 1
+            self._muscle[slot, muscle.cells] = index
+            self._stress[slot, muscle.cells] = sigma_max[name] * weight
+            for i in range(n_slots):
+                mine = slot == i
+                self.directions[i].x.array.reshape(-1, 3)[self._dofs[muscle.cells[mine]]] = direction[mine]
+
+    def activate(self, levels: Mapping[str, float]) -> None:
+        """Set the activation of each muscle, 0…1."""
+        level = np.array([*(levels[name] for name in self.names), 0.0])  # the last serves empty slots
+        for i, tension in enumerate(self.tensions):
+            tension.x.array[self._dofs] = level[self._muscle[i]][:, None] * self._stress[i]
+
+    def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
+        """Sum of the first Piola–Kirchhoff stresses of all slots."""
+        zero = 0.0 * F
+        return sum((law.stress(F, F_rate, F_frozen, a, T) for a, T in zip(self.directions, self.tensions, strict=True)), zero)
+
+
+def smooth_fade(distance: Floats, length: float) -> NDArray[np.float64]:
+    """Tendon factor: 0 at a bonded area, 1 from `length` (m) on, smooth in between."""
+    if length == 0:
+        return np.ones_like(distance)
+    s = np.clip(distance / length, 0, 1)
+    return np.asarray(s * s * (3 - 2 * s))

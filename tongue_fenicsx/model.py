@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: MIT
+"""The mechanical model: tissue, muscles, damping, gravity and bonded surfaces, as a weak form in UFL."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.mesh import entities_to_geometry
+from scipy.spatial import cKDTree
+
+from . import muscles as muscle_facts
+from .active import Contraction, FibreSlots, smooth_fade
+from .errors import InputError
+from .fibres import Floats
+from .passive import VOLUMETRIC, Expr, Passive, Yeoh, bulk_modulus
+from .tonguemesh import TongueMesh
+
+
+@dataclass(frozen=True)
+class Rayleigh:
+    """Rayleigh damping, α ρ v + β K₀ v with the stiffness K₀ of the rest state.
+
+    Attributes
+    ----------
+    alpha : float
+        Mass damping in 1/s.
+    beta : float
+        Stiffness damping in s.
+    """
+
+    alpha: float = 20.0
+    beta: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("alpha", self.alpha), ("beta", self.beta)):
+            if not value >= 0:
+                raise InputError(f"rayleigh_{name}: {value}; zero or a positive number is expected.")
+
+
+@dataclass(frozen=True)
+class Model:
+    """A tongue with its material, ready to simulate.
+
+    Attributes
+    ----------
+    tongue : TongueMesh
+        Mesh, tags, muscles.
+    passive : Passive
+        Passive law.
+    contraction : Contraction
+        Active law of all muscles.
+    damping : Rayleigh
+        Rayleigh damping.
+    density : float
+        kg/m³ at rest.
+    sigma_max : mapping
+        Peak active stress in Pa by muscle (``GGP``) or muscle and side (``GGP_L``).
+    fixed : sequence of str
+        Tagged surfaces that do not move.
+    gravity : (3,) sequence of float
+        Acceleration in m/s².
+    gravity_rise : float
+        Time in s over which gravity grows from 0.
+    quadrature_degree : int
+        Of the stress terms; the mass is integrated exactly.
+
+    Raises
+    ------
+    InputError
+        If a fixed surface is not in the mesh or a number is out of range.
+    """
+
+    tongue: TongueMesh
+    passive: Passive = field(default_factory=Yeoh.calka)
+    contraction: Contraction = field(default_factory=Contraction)
+    damping: Rayleigh = field(default_factory=Rayleigh)
+    density: float = 1000.0
+    sigma_max: Mapping[str, float] = field(default_factory=lambda: muscle_facts.CALKA_STRESS)
+    fixed: Sequence[str] = ("mandible", "hyoid")
+    gravity: Sequence[float] = (0.0, 0.0, 0.0)
+    gravity_rise: float = 0.1
+    quadrature_degree: int = 3
+
+    def __post_init__(self) -> None:
+        if not self.density > 0:
+            raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
+        for name in self.fixed:
+            if name not in self.tongue.surfaces:
+                raise InputError(f"fixed: the mesh has no surface {name!r}; it has {', '.join(sorted(self.tongue.surfaces))}.")
+        for name, value in self.sigma_max.items():
+            if not value >= 0:
+                raise InputError(f"sigma_max: {name} has {value} Pa; zero or a positive stress is expected.")
+
+    def tendon_factor(self, points: Floats) -> Floats:
+        """Share of the active stress that is left at points (n, 3): 0 at a bonded area, 1 beyond the tendon."""
+        tongue = self.tongue
+        facets = tongue.facets(list(self.fixed))
+        mesh = tongue.mesh
+        mesh.topology.create_connectivity(2, 3)
+        nodes = mesh.geometry.x[entities_to_geometry(mesh, 2, facets)].reshape(-1, 3, 3)
+        steps = np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) / 4
+        samples = np.vstack(mesh.comm.allgather(np.einsum("sv,fvd->fsd", steps, nodes).reshape(-1, 3)))
+        if len(samples) == 0 or len(points) == 0:
+            return np.ones(len(points))
+        return smooth_fade(cKDTree(samples).query(points)[0], self.contraction.tendon_length)
+
+    def weak_form(self, active: Sequence[str]) -> WeakForm:
+        """The weak form with the given muscles able to contract."""
+        return WeakForm(self, active)
+
+
+class WeakForm:
+    """ρ(ü + α v)·w + (P_passive + P_active + P_damping) : ∇w − ρ g·w over the rest shape.
+
+    Attributes
+    ----------
+    V : dolfinx.fem.FunctionSpace
+        Quadratic displacement.
+    u, frozen : dolfinx.fem.Function
+        Displacement, and the stand-in for it that the tangent holds fixed (see `Contraction.stress`).
+    slots : FibreSlots
+        The muscles.
+    """
+
+    def __init__(self, model: Model, active: Sequence[str]) -> None:
+        self.model = model
+        tongue = model.tongue
+        mesh = tongue.mesh
+        self.V = fem.functionspace(mesh, ("P", 2, (3,)))
+        self.u = fem.Function(self.V, name="displacement")
+        self.frozen = fem.Function(self.V)
+        muscles = {name: tongue.muscles[name] for name in active}
+        sigma = muscle_facts.peak_stress(muscles, model.sigma_max)
+        degree = model.quadrature_degree
+        self.slots = FibreSlots(tongue, muscles, sigma, model.tendon_factor, degree)
+        self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
+        self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
+        passive = model.passive
+        self._constants = {name: self._constant(value) for name, value in passive.parameters.items()}
+        self._kappa = self._constant(bulk_modulus(passive))
+        self._mu = self._constant(passive.shear_modulus)
+        self._density = self._constant(model.density)
+        self._alpha = self._constant(model.damping.alpha)
+        self._beta = self._constant(model.damping.beta)
+        self.gravity = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
+        facets = tongue.facets(list(model.fixed))
+        dofs = fem.locate_dofs_topological(self.V, 2, facets)
+        self.bcs = [fem.dirichletbc(np.zeros(3, dtype=default_scalar_type), dofs, self.V)]
+        n_fixed = mesh.comm.allreduce(len(dofs))
+        if n_fixed == 0:
+            raise InputError(
+                f"fixed: no facet of the mesh is tagged {' or '.join(model.fixed) or '(nothing)'}; the tongue would float away."
+            )
+
+    def _constant(self, value: float) -> fem.Constant:
+        return fem.Constant(self.V.mesh, default_scalar_type(value))
+
+    def set_time(self, t: float, levels: Mapping[str, float]) -> None:
+        """Set gravity and the activations for time `t` (s)."""
+        rise = self.model.gravity_rise
+        share = min(t / rise, 1.0) if rise > 0 else 1.0
+        self.gravity.value[:] = share * np.asarray(self.model.gravity)
+        self.slots.activate(levels)
+
+    def energy_density(self, F: Expr) -> Expr:
+        """Elastic energy density Ψ in J/m³."""
+        J = ufl.det(F)
+        I1 = J ** (-2 / 3) * ufl.inner(F, F)
+        passive = self.model.passive
+        return passive.isochoric_energy(I1, self._constants) + self._kappa * VOLUMETRIC[passive.volumetric](J)
+
+    def passive_stress(self, u: Expr) -> Expr:
+        """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa."""
+        F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
+        return ufl.diff(self.energy_density(F), F)
+
+    def active_stress(self, u: Expr, v: Expr) -> Expr:
+        """First Piola–Kirchhoff stress of the muscles in Pa."""
+        I = ufl.Identity(3)  # noqa: E741
+        return self.slots.stress(self.model.contraction, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
+
+    def damping_stress(self, v: Expr) -> Expr:
+        """β times the rest-state stiffness on the velocity, in Pa."""
+        strain = ufl.sym(ufl.grad(v))
+        isotropic = ufl.tr(strain) * ufl.Identity(3)
+        return self._beta * (2 * self._mu * (strain - isotropic / 3) + self._kappa * isotropic)
+
+    def inertia(self, v: Expr, a: Expr) -> Expr:
+        """Body force density ρ(ü + α v − g) in N/m³."""
+        return self._density * (a + self._alpha * v - self.gravity)
+
+    def mass(self, a: Expr, w: Expr) -> Expr:
+        """Inner product of an acceleration with a test function, weighted by the density."""
+        return self._density * ufl.inner(a, w) * self.dx_mass
+
+    def residual(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
+        """The weak form tested with `w`."""
+        stress = self.passive_stress(u) + self.active_stress(u, v)
+        if self.model.damping.beta > 0:
+            stress += self.damping_stress(v)
+        return ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
+
+    def densities(self, u: Expr, v: Expr) -> Expr:
+        """What energies are made of, 34 numbers per point: F, P_active, P_damping, Ψ, u, v."""
+        F = ufl.Identity(3) + ufl.grad(u)
+        active = ufl.replace(self.active_stress(u, v), {self.frozen: u})
+        parts = [F, active, self.damping_stress(v)]
+        flat = [P[i, j] for P in parts for i in range(3) for j in range(3)]
+        return ufl.as_vector([*flat, self.energy_density(F), *(u[i] for i in range(3)), *(v[i] for i in range(3))])

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT
+"""A tongue mesh in DOLFINx: tags by name, overlapping muscles, landmarks, on any number of ranks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import h5py
+import numpy as np
+from dolfinx import mesh as dmesh
+from dolfinx.io import gmsh as dgmsh
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from . import meshing
+from .anatomy import Anatomy
+from .errors import InputError
+from .fibres import Floats
+
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class MuscleCells:
+    """One muscle on this rank.
+
+    Attributes
+    ----------
+    cells : (k,) int array
+        Local cells (ghosts too) that it touches.
+    weight : (k, 4) float array
+        Its share at the vertices of each cell, 0…1.
+    direction : (k, 4, 3) float array
+        Unit fibre direction there.
+    """
+
+    cells: Ints
+    weight: Floats
+    direction: Floats
+
+
+@dataclass(frozen=True)
+class TongueMesh:
+    """A mesh with everything the mechanics asks of it.
+
+    Attributes
+    ----------
+    mesh : dolfinx.mesh.Mesh
+        Straight-sided tetrahedra in m.
+    facet_tags : dolfinx.mesh.MeshTags
+        Tagged boundary facets.
+    surfaces : dict
+        Name of each tagged surface to its tag.
+    muscles : dict
+        Name with side to `MuscleCells`.
+    landmarks : dict
+        Name to point (3,) in m in the rest shape.
+    name : str
+        What the tongue is called.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    surfaces: dict[str, int]
+    muscles: dict[str, MuscleCells] = field(default_factory=dict)
+    landmarks: dict[str, Floats] = field(default_factory=dict)
+    name: str = "mesh"
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        """The communicator of the mesh."""
+        return self.mesh.comm
+
+    @classmethod
+    def from_anatomy(cls, anatomy: Anatomy, size: float, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
+        """Mesh an anatomy with elements of `size` (m) and load it; nothing is kept on disk."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(comm.bcast(folder)) / "tongue.msh"
+            on_rank_zero(comm, lambda: meshing.build(anatomy, path, size))
+            tongue = cls.read(path, comm)
+            comm.barrier()
+        return tongue
+
+    @classmethod
+    def read(cls, path: Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
+        """Read ``FILE.msh`` and, where there is one, ``FILE.h5`` beside it.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, is not a mesh of linear tetrahedra whose cells and facets each have one physical
+            name, has an inverted cell, or does not belong to the ``.h5`` beside it.
+        """
+
+        def open_and_check() -> None:
+            gmsh.initialize(interruptible=False)
+            gmsh.option.setNumber("General.Terminal", 0)
+            try:
+                _open_checked(path)
+            except InputError:
+                gmsh.finalize()
+                raise
+
+        on_rank_zero(comm, open_and_check)
+        try:
+            data = dgmsh.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0)
+        finally:
+            if comm.rank == 0:
+                gmsh.finalize()
+        mesh, facet_tags = data.mesh, data.facet_tags
+        assert facet_tags is not None
+        facet_tags.name = "surfaces"
+        surfaces = {name: group.tag for name, group in data.physical_groups.items() if group.dim == 2}
+        stored = on_rank_zero(comm, lambda: _read_h5(path.with_suffix(".h5")))
+        if stored is None:
+            return cls(mesh, facet_tags, surfaces, name=path.stem)
+        row = _match_cells(mesh, stored["cells"], path)
+        nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
+        muscles = {}
+        for name, muscle in stored["muscles"].items():
+            touched = np.zeros(len(stored["cells"]), dtype=bool)
+            touched[muscle["cells"]] = True
+            cells = np.flatnonzero(touched[row]).astype(np.int32)
+            at = np.searchsorted(muscle["nodes"], nodes[cells])
+            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at])
+        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"])
+
+    def facets(self, names: list[str]) -> Ints:
+        """Local facets of the named surfaces."""
+        tags = [self.surfaces[name] for name in names]
+        return np.asarray(self.facet_tags.indices[np.isin(self.facet_tags.values, tags)], dtype=np.int32)
+
+
+def on_rank_zero(comm: MPI.Intracomm, action: Any) -> Any:
+    """Do something on rank 0 and give every rank its value, or its `InputError`."""
+    value, error = None, None
+    if comm.rank == 0:
+        try:
+            value = action()
+        except InputError as raised:
+            error = raised
+    value, error = comm.bcast((value, error))
+    if error is not None:
+        raise error
+    return value
+
+
+def _open_checked(path: Path) -> None:
+    """Open a mesh in Gmsh and make sure that DOLFINx can read it; it cannot report such errors itself."""
+    if not path.is_file():
+        raise InputError(f"{path}: the mesh file does not exist; a Gmsh .msh file is expected (tongue build writes one).")
+    try:
+        gmsh.open(str(path))
+    except Exception as error:  # the gmsh module raises plain Exception
+        raise InputError(f"{path}: Gmsh cannot read it as a mesh: {error}") from error
+    model = gmsh.model
+    types, tags, _ = model.mesh.getElements(3)
+    if list(types) != [4]:
+        raise InputError(f"{path}: linear tetrahedra only are expected in the volume; found element types {list(types)} of Gmsh.")
+    for dim, what in ((3, "volume"), (2, "surface")):
+        names = {tag: model.getPhysicalName(dim, tag) for _, tag in model.getPhysicalGroups(dim)}
+        unnamed = [tag for tag, name in names.items() if not name]
+        if unnamed:
+            raise InputError(f"{path}: physical {what} {unnamed[0]} has no name; every physical {what} needs one.")
+        owners = Counter(e for _, tag in model.getPhysicalGroups(dim) for e in model.getEntitiesForPhysicalGroup(dim, tag))
+        double = [e for e, count in owners.items() if count > 1]
+        if double:
+            inside = [names[tag] for _, tag in model.getPhysicalGroups(dim) if double[0] in model.getEntitiesForPhysicalGroup(dim, tag)]
+            raise InputError(f"{path}: {what} {double[0]} is in the physical groups {' and '.join(inside)}; exactly one is accepted.")
+        if dim == 3 and any(e not in owners for _, e in model.getEntities(3) if len(model.mesh.getElements(3, e)[0])):
+            raise InputError(f"{path}: some volume is in no physical group; give every volume one physical name.")
+        if dim == 2 and not names:
+            raise InputError(f"{path}: no physical surface; name at least the one to be fixed.")
+    quality = model.mesh.getElementQualities(tags[0], "minSICN")
+    if quality.min() <= 0:
+        worst = int(tags[0][np.argmin(quality)])
+        raise InputError(
+            f"{path}: tetrahedron {worst} is inverted or flat (SICN {quality.min():.3g}); every one must have positive volume."
+        )
+
+
+def _read_h5(path: Path) -> dict[str, Any] | None:
+    if not path.is_file():
+        return None
+    with h5py.File(path, "r") as file:
+        return {
+            "name": str(file.attrs["name"]),
+            "cells": file["cells"][:],
+            "muscles": {name: {key: data[:] for key, data in group.items()} for name, group in file.get("muscles", {}).items()},
+            "landmarks": {name: data[:] for name, data in file.get("landmarks", {}).items()},
+        }
+
+
+def _match_cells(mesh: dmesh.Mesh, stored: Ints, path: Path) -> NDArray[np.int64]:
+    """Row in the stored cell table of each local cell, found by its vertices."""
+    local = np.sort(mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]], axis=1)
+    _, inverse = np.unique(np.vstack([np.sort(stored, axis=1), local]), axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    row = np.full(inverse.max() + 1, -1, dtype=np.int64)
+    row[inverse[: len(stored)]] = np.arange(len(stored))
+    found = row[inverse[len(stored) :]]
+    if mesh.comm.allreduce(int((found < 0).sum())) > 0:
+        raise InputError(f"{path}: does not belong to {path.with_suffix('.h5').name} beside it; build both again with tongue build.")
+    return found
