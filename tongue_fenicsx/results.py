@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: MIT
+"""The run folder: what a simulation writes, and how it is read again.
+
+Nodes and cells are numbered in the files by the vertices of the mesh file, so a run looks the same on any number of
+ranks and a checkpoint continues on any other. Only rank 0 touches files; other ranks send it what they own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import h5py
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .fibres import Floats
+from .measures import ENERGIES, Balance
+from .timestep import State
+from .tonguemesh import on_rank_zero
+
+Ints = NDArray[np.int64]
+
+VTK_ORDER = [0, 1, 2, 3, 9, 6, 8, 7, 5, 4]
+"""Basix's ten nodes of a quadratic tetrahedron in the order of VTK and XDMF."""
+
+
+class Numbering:
+    """Rank-independent numbers of the nodes and cells of a quadratic space.
+
+    Attributes
+    ----------
+    points : (n, 3) float array or None
+        Node coordinates in m, on rank 0.
+    cells : (m, 10) int array or None
+        Node numbers in VTK order, on rank 0.
+    """
+
+    def __init__(self, V: fem.FunctionSpace) -> None:
+        mesh = V.mesh
+        self._comm = mesh.comm
+        index_map = V.dofmap.index_map
+        n_cells = mesh.topology.index_map(3).size_local
+        nodes = V.dofmap.list[:n_cells]
+        of_cell = index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(-1, 10)
+        vertices = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0][:n_cells]]
+        coordinates = V.tabulate_dof_coordinates()[: index_map.size_local]
+        parts = self._comm.gather((of_cell, vertices, coordinates))
+        number: Ints | None = None
+        self.points: Floats | None = None
+        self.cells: Ints | None = None
+        if parts is not None:
+            of_cell, vertices, coordinates = (np.concatenate(part) for part in zip(*parts, strict=True))
+            number = _canonical(of_cell, vertices, index_map.size_global)
+            self._number = number
+            self.points = np.empty_like(coordinates)
+            self.points[number] = coordinates
+            cells = number[of_cell][:, VTK_ORDER]
+            a, b, c, d = (self.points[cells[:, i]] for i in range(4))
+            inverted = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
+            cells[inverted] = cells[inverted][:, [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]]
+            self._cell_order = np.lexsort(np.sort(cells[:, :4], axis=1).T[::-1])
+            self.cells = cells[self._cell_order]
+        number = self._comm.bcast(number)
+        owned_and_ghosts = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        self._local = number[index_map.local_to_global(owned_and_ghosts)]
+        self._n_owned = index_map.size_local
+
+    def gather(self, values: Floats) -> Floats | None:
+        """Nodal vectors (local, with ghosts, flat) of all ranks as (n, 3) on rank 0, None elsewhere."""
+        parts = self._comm.gather(values[: 3 * self._n_owned].reshape(-1, 3))
+        if parts is None:
+            return None
+        stacked = np.concatenate(parts)
+        ordered = np.empty_like(stacked)
+        ordered[self._number] = stacked
+        return ordered
+
+    def gather_cells(self, values: Floats) -> Floats | None:
+        """One number per owned cell of all ranks as (m,) on rank 0, None elsewhere."""
+        parts = self._comm.gather(values)
+        return None if parts is None else np.concatenate(parts)[self._cell_order]
+
+    def scatter(self, values: Floats | None) -> Floats:
+        """The reverse of `gather`: local values with ghosts, flat."""
+        return np.asarray(self._comm.bcast(values)[self._local]).ravel()
+
+
+def _canonical(of_cell: Ints, vertices: Ints, n_nodes: int) -> Ints:
+    """Number of each global node: vertices as in the mesh file, then edge midpoints by their end vertices."""
+    number = np.full(n_nodes, -1, dtype=np.int64)
+    kept, rank = np.unique(vertices, return_inverse=True)
+    rank = rank.reshape(-1, 4)
+    number[of_cell[:, :4]] = rank
+    edges = [(2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1)]  # of basix's nodes 4…9
+    pairs = np.sort(np.stack([rank[:, list(edge)] for edge in edges], axis=1), axis=2).reshape(-1, 2)
+    _, order = np.unique(pairs, axis=0, return_inverse=True)
+    number[of_cell[:, 4:].ravel()] = len(kept) + order.reshape(-1)
+    return number
+
+
+class RunWriter:
+    """Writes a run folder, from rank 0, so that at any time what is on disk can be read.
+
+    Parameters
+    ----------
+    folder : Path
+        The run folder; it exists and is writable.
+    V : fem.FunctionSpace
+        Space of the displacement.
+    probes : sequence of str
+        Names of the probes.
+    """
+
+    def __init__(self, folder: Path, V: fem.FunctionSpace, probes: list[str]) -> None:
+        self.folder, self._probes = folder, probes
+        self.numbering = Numbering(V)
+        self._root = V.mesh.comm.rank == 0
+        self.rows: list[dict[str, Any]] = []
+        self._times: list[float] = []
+
+    def start(self) -> None:
+        """Begin a new run: forget what the folder held."""
+        if not self._root:
+            return
+        for name in ("checkpoint.h5", "history.h5", "summary.json"):
+            (self.folder / name).unlink(missing_ok=True)
+        with h5py.File(self.folder / "fields.h5", "w") as file:
+            file["mesh/points"] = self.numbering.points
+            file["mesh/cells"] = self.numbering.cells.astype(np.int32)  # type: ignore[union-attr]
+
+    def record(self, row: dict[str, Any]) -> None:
+        """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``volume_ratio`` and the energies."""
+        self.rows.append(row)
+
+    def write_fields(self, t: float, nodal: Mapping[str, Floats], cellwise: Mapping[str, Floats]) -> None:
+        """Write fields of one time: nodal vectors (local, flat) and one number per owned cell."""
+        everything = {name: self.numbering.gather(values) for name, values in nodal.items()}
+        everything |= {name: self.numbering.gather_cells(values) for name, values in cellwise.items()}
+        index = len(self._times)
+        self._times.append(t)
+        if not self._root:
+            return
+        with h5py.File(self.folder / "fields.h5", "a") as file:
+            for name, values in everything.items():
+                file.create_dataset(f"{name}/{index:05d}", data=np.asarray(values, dtype=np.float32))
+            file.attrs["time"] = self._times
+        self._write_xdmf(list(nodal), list(cellwise))
+        self._write_history()
+
+    def _write_xdmf(self, nodal: list[str], cellwise: list[str]) -> None:
+        assert self.numbering.points is not None
+        assert self.numbering.cells is not None
+        n_nodes, n_cells = len(self.numbering.points), len(self.numbering.cells)
+        root = ET.Element("Xdmf", Version="3.0")
+        series = ET.SubElement(ET.SubElement(root, "Domain"), "Grid", Name="tongue", GridType="Collection", CollectionType="Temporal")
+
+        def item(parent: ET.Element, path: str, dimensions: str, kind: str, precision: str) -> None:
+            data = ET.SubElement(parent, "DataItem", Dimensions=dimensions, NumberType=kind, Precision=precision, Format="HDF")
+            data.text = f"fields.h5:/{path}"
+
+        for index, t in enumerate(self._times):
+            grid = ET.SubElement(series, "Grid", Name="tongue", GridType="Uniform")
+            ET.SubElement(grid, "Time", Value=repr(t))
+            topology = ET.SubElement(grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(n_cells))
+            item(topology, "mesh/cells", f"{n_cells} 10", "Int", "4")
+            geometry = ET.SubElement(grid, "Geometry", GeometryType="XYZ")
+            item(geometry, "mesh/points", f"{n_nodes} 3", "Float", "8")
+            for name in nodal:
+                attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Vector", Center="Node")
+                item(attribute, f"{name}/{index:05d}", f"{n_nodes} 3", "Float", "4")
+            for name in cellwise:
+                attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Scalar", Center="Cell")
+                item(attribute, f"{name}/{index:05d}", f"{n_cells}", "Float", "4")
+        ET.indent(root)
+        _replace(self.folder / "fields.xdmf", lambda path: ET.ElementTree(root).write(path, xml_declaration=True, encoding="utf-8"))
+
+    def _write_history(self) -> None:
+        def write(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                file["time"] = [row["t"] for row in self.rows]
+                file["probes"] = np.array([row["probes"] for row in self.rows]).reshape(len(self.rows), -1, 3).transpose(1, 0, 2)
+                file["probes"].attrs["names"] = self._probes
+                file["volume_ratio"] = [row["volume_ratio"] for row in self.rows]
+                for name in ENERGIES:
+                    file[f"energy/{name}"] = [row[name] for row in self.rows]
+
+        _replace(self.folder / "history.h5", write)
+
+    def write_checkpoint(self, state: State, balance: Balance, counters: Mapping[str, Any], identity: str) -> None:
+        """Save the whole state; `identity` says of what problem, so that no other one continues from it."""
+        fields = {name: self.numbering.gather(getattr(state, name)) for name in ("u", "v", "acceleration", "auxiliary")}
+        if not self._root:
+            return
+
+        def write(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                file.attrs.update({"t": state.t, "h": state.h, "identity": identity, "times": self._times})
+                file.attrs["balance"] = json.dumps(asdict(balance))
+                file.attrs["counters"] = json.dumps(counters)
+                file.attrs["rows"] = len(self.rows)
+                for name, values in fields.items():
+                    file[name] = values
+
+        self._write_history()
+        _replace(self.folder / "checkpoint.h5", write)
+
+    def read_checkpoint(self, identity: str) -> tuple[State, Balance, dict[str, Any]]:
+        """Continue from the checkpoint of this folder.
+
+        Raises
+        ------
+        InputError
+            If there is none or it belongs to another problem.
+        """
+        stored = on_rank_zero(self.numbering._comm, lambda: self._load_checkpoint(identity))
+        arrays = {name: self.numbering.scatter(values) for name, values in stored["fields"].items()}
+        self._times, self.rows = stored["times"], stored["rows"]
+        return State(stored["t"], stored["h"], **arrays), Balance(**stored["balance"]), stored["counters"]
+
+    def _load_checkpoint(self, identity: str) -> dict[str, Any]:
+        path = self.folder / "checkpoint.h5"
+        if not path.is_file():
+            raise InputError(f"{path}: the file does not exist, so there is nothing to resume; run without --resume.")
+        with h5py.File(path, "r") as file:
+            if file.attrs["identity"] != identity:
+                raise InputError(f"{path}: was saved by another scenario or mesh; run without --resume or in another folder.")
+            stored = {
+                "t": float(file.attrs["t"]),
+                "h": float(file.attrs["h"]),
+                "times": list(map(float, file.attrs["times"])),
+                "balance": json.loads(file.attrs["balance"]),
+                "counters": json.loads(file.attrs["counters"]),
+                "fields": {name: file[name][:] for name in ("u", "v", "acceleration", "auxiliary")},
+            }
+            n_rows = int(file.attrs["rows"])
+        with h5py.File(self.folder / "history.h5", "r") as file:
+            columns = {name: file[f"energy/{name}"][:n_rows] for name in ENERGIES}
+            columns |= {"t": file["time"][:n_rows], "volume_ratio": file["volume_ratio"][:n_rows]}
+            probes = file["probes"][:, :n_rows].transpose(1, 0, 2)
+        stored["rows"] = [{name: float(column[i]) for name, column in columns.items()} | {"probes": probes[i]} for i in range(n_rows)]
+        with h5py.File(self.folder / "fields.h5", "a") as file:
+            for group in file.values():
+                for name in [n for n in group if n.isdigit() and int(n) >= len(stored["times"])]:
+                    del group[name]
+        return stored
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write the history and ``summary.json``."""
+        if self._root:
+            self._write_history()
+            _replace(self.folder / "summary.json", lambda path: path.write_text(json.dumps(summary, indent=2) + "\n"))
+
+
+def _replace(path: Path, write: Any) -> None:
+    """Write a file beside its place and move it there whole."""
+    partial = path.with_name(f"{path.name}.partial")
+    write(partial)
+    os.replace(partial, path)
+
+
+class Run:
+    """A finished (or stopped) run, read from its folder.
+
+    Parameters
+    ----------
+    folder : path
+        The run folder.
+
+    Attributes
+    ----------
+    summary : dict
+        What ``summary.json`` holds.
+    time : (n_t,) float array
+        Times of all steps in s.
+    probes : dict
+        Name to displacement (n_t, 3) in m.
+    energy : dict
+        Name to energy or work (n_t,) in J.
+    volume_ratio : (n_t,) float array
+        Volume over rest volume.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no run.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        if not (self.folder / "history.h5").is_file():
+            raise InputError(f"{self.folder}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
+        summary = self.folder / "summary.json"
+        self.summary: dict[str, Any] = json.loads(summary.read_text()) if summary.is_file() else {}
+        with h5py.File(self.folder / "history.h5", "r") as file:
+            self.time: Floats = file["time"][:]
+            self.probes: dict[str, Floats] = dict(zip(file["probes"].attrs["names"], file["probes"][:], strict=True))
+            self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
+            self.volume_ratio: Floats = file["volume_ratio"][:]
+
+    def field(self, name: str, index: int = -1) -> Floats:
+        """A stored field, (n_nodes, 3) or (n_cells,), at the output `index`."""
+        with h5py.File(self.folder / "fields.h5", "r") as file:
+            return np.asarray(file[name][sorted(file[name])[index]][:], dtype=float)
+
+    @property
+    def output_times(self) -> Floats:
+        """Times in s of the stored fields, (n_outputs,)."""
+        with h5py.File(self.folder / "fields.h5", "r") as file:
+            return np.asarray(file.attrs["time"])
+
+    @property
+    def mesh(self) -> tuple[Floats, Ints]:
+        """Rest coordinates (n_nodes, 3) in m and quadratic tetrahedra (n_cells, 10) in VTK order."""
+        with h5py.File(self.folder / "fields.h5", "r") as file:
+            return file["mesh/points"][:], file["mesh/cells"][:].astype(np.int64)
+
+    def plot_trajectories(self) -> Path:
+        """Draw the probe trajectories into ``figures/`` and return the file."""
+        from . import figures
+
+        return figures.trajectories(self)
+
+    def plot(self) -> list[Path]:
+        """Draw all figures of the run into ``figures/`` and return the files."""
+        from . import figures
+
+        return [figures.midsagittal(self), figures.view3d(self), figures.trajectories(self)]

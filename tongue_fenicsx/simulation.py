@@ -1,0 +1,511 @@
+# SPDX-License-Identifier: MIT
+"""A simulation: a model driven through time by activations, with output, roll-back and restart."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, geometry
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from . import __version__, jit
+from .activation import Activation
+from .errors import InputError, SolveError
+from .fibres import Floats
+from .measures import ENERGIES, Measures
+from .meshing import check_writable
+from .model import Model
+from .muscles import peak_stress, resolve
+from .results import Run, RunWriter
+from .solver import Newton, Tolerances
+from .timestep import GeneralizedAlpha, State
+from .tonguemesh import TongueMesh, on_rank_zero
+
+Report = Callable[["Progress"], None]
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How time advances.
+
+    Attributes
+    ----------
+    step_max, step_min : float
+        Largest step, and the step in s below which the run gives up.
+    spectral_radius : float
+        Of generalized-alpha, 0…1.
+    output_every : float
+        Time in s between stored fields.
+    """
+
+    step_max: float = 5e-3
+    step_min: float = 1e-5
+    spectral_radius: float = 0.8
+    output_every: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("step_max", "step_min", "output_every"):
+            if not (np.isfinite(value := getattr(self, name)) and value > 0):
+                raise InputError(f"{name}: {value}; a positive number of seconds is expected.")
+        if self.step_min > self.step_max:
+            raise InputError(f"step_min: {self.step_min} s is larger than step_max, {self.step_max} s.")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run is: what the progress bar and the log say after each step."""
+
+    t: float
+    t_end: float
+    step: int
+    h: float
+    newton: int
+    krylov: int
+    rung: str
+
+
+class Simulation:
+    """A model and the activations that move it.
+
+    Parameters
+    ----------
+    model : Model
+        What is simulated.
+    activation : mapping
+        Muscle (``GGP``) or muscle and side (``GGP_L``) to `Activation`.
+    probes : mapping, optional
+        Name to landmark name or to a point (3,) in m of the rest shape; by default all landmarks.
+    stepping : Stepping
+        Time steps and output.
+    tolerances : Tolerances
+        Accuracy of each solve.
+
+    Raises
+    ------
+    InputError
+        If a muscle or landmark is not in the mesh, or a probe lies outside it.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        activation: Mapping[str, Activation] | None = None,
+        probes: Mapping[str, str | Any] | None = None,
+        stepping: Stepping | None = None,
+        tolerances: Tolerances | None = None,
+    ) -> None:
+        self.model, self.stepping = model, stepping or Stepping()
+        self.tolerances = tolerances or Tolerances()
+        tongue = model.tongue
+        self.activation: dict[str, Activation] = {}
+        for key, course in (activation or {}).items():
+            for name in resolve(key, tongue.muscles, f"activation.{key}"):
+                if name in self.activation:
+                    raise InputError(f"activation.{key}: {name} is activated twice; name the muscle or its sides, not both.")
+                self.activation[name] = course
+        self.probes = Probes(tongue, probes if probes is not None else {name: name for name in tongue.landmarks})
+
+    def run(self, t_end: float, output: str | Path, resume: bool = False, report: Report | None = None) -> Run:
+        """Simulate from rest to `t_end` seconds and write the run folder.
+
+        Parameters
+        ----------
+        t_end : float
+            End of the simulated time in s.
+        output : path
+            The run folder.
+        resume : bool
+            Go on from the folder's checkpoint.
+        report : callable, optional
+            Called after each step, on rank 0.
+
+        Raises
+        ------
+        InputError
+            If `t_end` is not positive, the folder cannot be written, or there is nothing to resume.
+        SolveError
+            If the solve fails at the smallest step; everything up to the last good state is on disk.
+        """
+        if not (np.isfinite(t_end) and t_end > 0):
+            raise InputError(f"t_end: {t_end}; a positive number of seconds is expected.")
+        comm = self.model.tongue.comm
+        folder = Path(output)
+        on_rank_zero(comm, lambda: check_writable(folder / "figures"))
+        loop = _Loop(self, folder, t_end, resume, report)
+        try:
+            loop.prepare()
+            loop.go()
+        finally:
+            loop.close()
+        comm.barrier()
+        return Run(folder)
+
+
+class Probes:
+    """Points of the rest shape whose displacement is followed.
+
+    Parameters
+    ----------
+    tongue : TongueMesh
+        The mesh.
+    points : mapping
+        Name to landmark name or coordinates (3,) in m.
+    """
+
+    def __init__(self, tongue: TongueMesh, points: Mapping[str, str | Any]) -> None:
+        self.names = list(points)
+        mesh = tongue.mesh
+        tree = geometry.bb_tree(mesh, 3, entities=np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+        self._owned: list[tuple[int, int, Floats]] = []
+        for index, (name, where) in enumerate(points.items()):
+            if isinstance(where, str):
+                if where not in tongue.landmarks:
+                    known = ", ".join(tongue.landmarks) or "none"
+                    raise InputError(f"probes.{name}: no landmark {where!r} in the mesh; it has {known}; or give [x, y, z].")
+                where = tongue.landmarks[where]
+            point = np.asarray(where, dtype=float)
+            if point.shape != (3,) or not np.isfinite(point).all():
+                raise InputError(f"probes.{name}: three finite coordinates or the name of a landmark are expected.")
+            cell, reference, distance = _nearest(mesh, tree, point)
+            nearest = mesh.comm.allgather(distance)
+            if min(nearest) > 1e-3:
+                raise InputError(f"probes.{name}: the point lies {1e3 * min(nearest):.1f} mm outside the tongue; at most 1 mm is accepted.")
+            if int(np.argmin(nearest)) == mesh.comm.rank:
+                self._owned.append((index, cell, reference))
+
+    def values(self, u: fem.Function) -> Floats:
+        """Value of a quadratic vector function at the probes, (n_probe, 3), on every rank."""
+        V = u.function_space
+        table = np.zeros((len(self.names), 3))
+        for index, cell, (x, y, z) in self._owned:
+            corner = np.array([1 - x - y - z, x, y, z])
+            shape = np.empty(10)
+            shape[:4] = corner * (2 * corner - 1)
+            for node, (i, j) in enumerate([(2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1)], start=4):
+                shape[node] = 4 * corner[i] * corner[j]
+            table[index] = shape @ u.x.array.reshape(-1, 3)[V.dofmap.cell_dofs(cell)]
+        total = np.zeros_like(table)
+        V.mesh.comm.Allreduce(table, total)
+        return total
+
+
+def _nearest(mesh: Any, tree: Any, point: Floats) -> tuple[int, Floats, float]:
+    """The owned cell nearest to a point, the reference coordinates of its nearest point, and the distance."""
+    if mesh.topology.index_map(3).size_local == 0:
+        return -1, np.zeros(3), math.inf
+    midpoints = geometry.create_midpoint_tree(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+    cell = int(geometry.compute_closest_entity(tree, midpoints, mesh, point.reshape(1, 3))[0])
+    corners = mesh.geometry.x[mesh.geometry.dofmaps[0][cell]]
+    vector = geometry.compute_distance_gjk(corners, point.reshape(1, 3))
+    inside = point + vector
+    reference = np.linalg.solve((corners[1:] - corners[0]).T, inside - corners[0])
+    return cell, reference, float(np.linalg.norm(vector))
+
+
+class _Loop:
+    """One run in progress: forms, solver, state, files."""
+
+    def __init__(self, simulation: Simulation, folder: Path, t_end: float, resume: bool, report: Report | None) -> None:
+        self.simulation, self.folder, self.t_end, self.resume, self.report = simulation, folder, t_end, resume, report
+        self.model, self.stepping = simulation.model, simulation.stepping
+        self.comm = self.model.tongue.comm
+        self._log = open(folder / "log.txt", "a" if resume else "w", encoding="utf-8") if self.comm.rank == 0 else None  # noqa: SIM115
+        self._solver: Newton | None = None
+        self._clock = time.perf_counter()
+        self.counters: dict[str, Any] = {
+            "n_steps": 0, "n_rejected": 0, "newton_iterations": 0, "krylov_iterations": 0, "fallbacks": {},
+            "wall_seconds": 0.0, "setup_seconds": 0.0, "volume_change_max": 0.0, "min_jacobian": 1.0,
+            "hencky_von_mises_max": 0.0, "hencky_von_mises_raw_max": 0.0, "peak_speed_m_s": 0.0,
+        }  # fmt: skip
+
+    def say(self, line: str) -> None:
+        """Add a line to the log."""
+        if self._log is not None:
+            self._log.write(line + "\n")
+            self._log.flush()
+
+    def close(self) -> None:
+        """Close the log and free the solver."""
+        if self._log is not None:
+            self._log.close()
+        if self._solver is not None:
+            self._solver.destroy()
+
+    # -- before the first step
+
+    def prepare(self) -> None:
+        """Compile the forms, and begin at rest or at the checkpoint."""
+        self.weak = self.model.weak_form(list(self.simulation.activation))
+        weak = self.weak
+        self.scheme = GeneralizedAlpha(weak.u, self.stepping.spectral_radius)
+        test, trial = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
+        residual = weak.residual(weak.u, self.scheme.v, self.scheme.acceleration, test)
+        tangent = ufl.derivative(residual, weak.u, trial)
+        self._solver = Newton(residual, tangent, weak.u, weak.frozen, weak.bcs, self.simulation.tolerances, self.say)
+        self.velocity = fem.Function(weak.V, name="velocity")
+        self.measures = Measures(weak, self.velocity)
+        self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.names)
+        self.say(f"{self.model.tongue.name}: {self._solver.n_unknowns} unknowns on {self.comm.size} rank(s)")
+        if self.resume:
+            state, balance, counters = self.writer.read_checkpoint(self._identity())
+            self.counters |= counters
+            self.scheme.restore(state)
+            self._set_time(state.t)
+            self._load_state()
+            self.measures.resume(balance)
+            self.say(f"resumed at t = {state.t:.6f} s")
+        else:
+            on_rank_zero(self.comm, self.writer.start)
+            self._set_time(0.0)
+            self._initial_acceleration()
+            self._load_state()
+            self.measures.start()
+            self._record()
+            self._output()
+        self.counters["setup_seconds"] += time.perf_counter() - self._clock
+
+    def _identity(self) -> str:
+        """A fingerprint of everything that makes the motion, but not of where it is written or when it ends."""
+        model = self.model
+        points = self.writer.numbering.points
+        parts: list[Any] = [asdict(getattr(model, n)) for n in ("passive", "contraction", "damping")]  # type: ignore[call-overload]
+        parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise]
+        parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
+        parts += [{name: list(map(list, course.pieces)) for name, course in self.simulation.activation.items()}]
+        digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
+        digest.update(b"" if points is None else np.ascontiguousarray(points).tobytes())
+        return str(self.comm.bcast(digest.hexdigest()))
+
+    def _initial_acceleration(self) -> None:
+        """ü₀ from the balance of forces at the start: M ü₀ = −r(u₀, v₀, 0)."""
+        weak, state = self.weak, self.scheme.state
+        w, a = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
+        v = fem.Function(weak.V)
+        v.x.array[:] = state.v
+        rest = weak.residual(weak.u, v, ufl.as_vector([0.0] * 3), w)
+        b = fem_petsc.assemble_vector(fem.form(rest, jit_options=jit.options()))
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD_VALUES, mode=PETSc.ScatterMode.REVERSE)
+        fem_petsc.set_bc(b, weak.bcs)
+        if b.norm() > 0:
+            M = fem_petsc.assemble_matrix(fem.form(weak.mass(a, w), jit_options=jit.options()), bcs=weak.bcs)
+            M.assemble()
+            solver = PETSc.KSP().create(self.comm)
+            solver.setOperators(M)
+            solver.setType("cg")
+            solver.getPC().setType("jacobi")
+            solver.setTolerances(rtol=1e-12)
+            initial = fem.Function(weak.V)
+            solver.solve(-b, initial.x.petsc_vec)
+            initial.x.scatter_forward()
+            a0 = initial.x.array.copy()
+            self.scheme.restore(State(state.t, 0.0, state.u, state.v, a0, a0))
+            for item in (solver, M):
+                item.destroy()
+        b.destroy()
+
+    # -- the time loop
+
+    def go(self) -> None:
+        """Step to the end, cutting steps that fail and growing them again."""
+        step = self.counters.get("next_step", self.stepping.step_max)
+        milestones = self._milestones()
+        with _interruptible() as interrupted:
+            self._clock = time.perf_counter()
+            while self.scheme.state.t < self.t_end * (1 - 1e-12):
+                t = self.scheme.state.t
+                target = next(m for m in milestones if m > t + 1e-9)
+                h = (target - t) / math.ceil((target - t) / step * (1 - 1e-9))
+                if self._step(h, target):
+                    self.counters["n_steps"] += 1
+                    step = min(step * (1.5 if self._outcome.newton <= 6 else 1.0), self.stepping.step_max)
+                    self.counters["next_step"] = step
+                    self._after_step(target)
+                else:
+                    self.counters["n_rejected"] += 1
+                    step = h / 2
+                    self.say(f"step rejected at t = {t:.6f} s, h = {1e3 * h:.4f} ms ({self._outcome.reason}); cut to {1e3 * step:.4f} ms")
+                    if step < self.stepping.step_min:
+                        self._give_up()
+                if self.comm.allreduce(int(interrupted()), op=MPI.MAX):
+                    self._stop("interrupted")
+                    raise KeyboardInterrupt
+        self._stop("done")
+
+    def _milestones(self) -> list[float]:
+        """Times that a step must end on: kinks of the activations, outputs, the end of gravity's rise, the end."""
+        every = self.stepping.output_every
+        times = [every * i for i in range(1, int(self.t_end / every) + 1)] + [self.t_end]
+        times += [kink for course in self.simulation.activation.values() for kink in course.kinks]
+        times += [self.model.gravity_rise] if any(self.model.gravity) else []
+        return sorted({round(time, 12) for time in times if 0 < time <= self.t_end})
+
+    def _set_time(self, t: float) -> None:
+        self.weak.set_time(t, {name: course(t) for name, course in self.simulation.activation.items()})
+
+    def _step(self, h: float, target: float) -> bool:
+        before = self.scheme.state
+        t = before.t + h if before.t + 1.5 * h < target else target
+        self._set_time(t)
+        self.scheme.begin(h)
+        assert self._solver is not None
+        self._outcome = self._solver.solve()
+        self.counters["newton_iterations"] += self._outcome.newton
+        self.counters["krylov_iterations"] += self._outcome.krylov
+        if self._outcome.converged:
+            self.scheme.accept(t)
+            self._load_state()
+            self.measures.advance()
+            if self._outcome.rung != Newton.LADDER[0]:
+                self.counters["fallbacks"][self._outcome.rung] = self.counters["fallbacks"].get(self._outcome.rung, 0) + 1
+        else:
+            self.scheme.restore(before)
+        return self._outcome.converged
+
+    def _load_state(self) -> None:
+        state = self.scheme.state
+        self.weak.u.x.array[:] = state.u
+        self.weak.frozen.x.array[:] = state.u
+        self.velocity.x.array[:] = state.v
+
+    def _after_step(self, target: float) -> None:
+        state, outcome, c = self.scheme.state, self._outcome, self.counters
+        ratio, least = self.measures.volume_ratio, self.measures.min_jacobian
+        c["volume_change_max"] = max(c["volume_change_max"], abs(ratio - 1))
+        c["min_jacobian"] = min(c["min_jacobian"], least)
+        speed = np.linalg.norm(state.v.reshape(-1, 3), axis=1).max(initial=0.0)
+        c["peak_speed_m_s"] = max(c["peak_speed_m_s"], float(self.comm.allreduce(float(speed), op=MPI.MAX)))
+        self._record()
+        self.say(
+            f"t = {state.t:.6f} s  h = {1e3 * state.h:.3f} ms  newton {outcome.newton}  krylov {outcome.krylov}  {outcome.rung}  "
+            f"min J {least:.3f}  volume {100 * (ratio - 1):+.3f} %"
+        )
+        if self.report is not None and self.comm.rank == 0:
+            self.report(Progress(state.t, self.t_end, c["n_steps"], state.h, outcome.newton, outcome.krylov, outcome.rung))
+        if state.t >= target:
+            every = self.stepping.output_every
+            if abs(state.t / every - round(state.t / every)) < 1e-6 or target >= self.t_end * (1 - 1e-12):
+                self._output()
+                self._checkpoint()
+
+    def _record(self) -> None:
+        balance = asdict(self.measures.balance)
+        self.writer.record(
+            {"t": self.scheme.state.t, "probes": self.simulation.probes.values(self.weak.u), "volume_ratio": self.measures.volume_ratio}
+            | {name: balance[name] for name in ENERGIES}
+        )
+
+    def _output(self) -> None:
+        strain, percentile, largest = self.measures.hencky()
+        c = self.counters
+        c["hencky_von_mises_max"] = max(c["hencky_von_mises_max"], percentile)
+        c["hencky_von_mises_raw_max"] = max(c["hencky_von_mises_raw_max"], largest)
+        state = self.scheme.state
+        self.writer.write_fields(
+            state.t,
+            {"displacement": state.u, "velocity": state.v},
+            {"hencky_von_mises": strain, "jacobian": self.measures.jacobian_per_cell()},
+        )
+
+    def _checkpoint(self) -> None:
+        now = time.perf_counter()
+        self.counters["wall_seconds"] += now - self._clock
+        self._clock = now
+        self.writer.write_checkpoint(self.scheme.state, self.measures.balance, self.counters, self._identity())
+
+    # -- the end
+
+    def _give_up(self) -> None:
+        last = self.scheme.state.t
+        self.measures.evaluate()  # of the iterate that did not converge
+        where = self.measures.extremes()
+        self._load_state()
+        self._stop("failed")
+        raise SolveError(
+            f"the solve failed at t = {last:.6f} s even with the smallest step, {self.stepping.step_min:g} s ({self._outcome.reason}); "
+            f"{where}. The last good state is saved in {self.folder}. A finer mesh there, nu nearer 0.4999, a longer tendon or less "
+            "activation may help."
+        )
+
+    def _stop(self, status: str) -> None:
+        self._checkpoint()
+        self.writer.finish(self.summary(status))
+        self.say(f"{status} at t = {self.scheme.state.t:.6f} s after {self.counters['wall_seconds']:.1f} s")
+
+    def summary(self, status: str) -> dict[str, Any]:
+        """What ``summary.json`` holds."""
+        model, c = self.model, {name: value for name, value in self.counters.items() if name != "next_step"}
+        numbering = self.writer.numbering
+        probes = self.simulation.probes
+        assert self._solver is not None
+        return {
+            "status": status,
+            "name": model.tongue.name,
+            "n_nodes": 0 if numbering.points is None else len(numbering.points),
+            "n_cells": 0 if numbering.cells is None else len(numbering.cells),
+            "n_dofs": self._solver.n_unknowns,
+            "ranks": self.comm.size,
+            "t_end": self.scheme.state.t,
+            **c,
+            "energy_balance_error": self.measures.balance.error,
+            "contact_force_max_N": 0.0,
+            "probes": {name: list(map(float, u)) for name, u in zip(probes.names, self.writer.rows[-1]["probes"], strict=True)},
+            "model": {
+                "law": type(model.passive).__name__.lower(),
+                **model.passive.parameters,
+                "nu": model.passive.nu,
+                "volumetric": model.passive.volumetric,
+                "density": model.density,
+                "rayleigh_alpha": model.damping.alpha,
+                "rayleigh_beta": model.damping.beta,
+                "force_velocity": model.contraction.force_velocity,
+                "tendon_length_m": model.contraction.tendon_length,
+                "sigma_max": peak_stress(self.simulation.activation, model.sigma_max),
+            },
+            "versions": versions(),
+        }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes."""
+    found = {"tongue_fenicsx": __version__}
+    for name in ("dolfinx-solver-real", "fenics-dolfinx", "petsc4py", "gmsh", "numpy"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    return found
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], bool]]:
+    """Turn Ctrl-C into a flag, so that a run ends between two steps with everything saved."""
+    caught = False
+
+    def note(number: int, frame: object) -> None:
+        nonlocal caught
+        if caught:
+            os._exit(130)
+        caught = True
+
+    previous = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: caught
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
