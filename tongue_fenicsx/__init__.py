@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: MIT
+"""The biomechanics of the human tongue on an all-open solver."""
+
+import os as _os
+from importlib import import_module as _import_module
+from importlib.util import find_spec as _find_spec
+from typing import TYPE_CHECKING
+
+_os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread per rank; must be set before BLAS loads
+if _find_spec("dolfinx_solver") is not None:
+    import dolfinx_solver as _dolfinx_solver  # noqa: F401  the wheel must come before dolfinx, petsc4py and mpi4py
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from .activation import Activation, ramp
+    from .active import Contraction
+    from .anatomy import Anatomy
+    from .errors import InputError, SolveError
+    from .model import Model, Rayleigh
+    from .parametric import parametric_tongue
+    from .passive import Yeoh
+    from .results import Run
+    from .simulation import Simulation, Stepping
+    from .solver import Tolerances
+    from .subject import read_subject
+    from .tonguemesh import TongueMesh
+
+_HOME = {
+    "Activation": "activation",
+    "Anatomy": "anatomy",
+    "Contraction": "active",
+    "InputError": "errors",
+    "Model": "model",
+    "Rayleigh": "model",
+    "Run": "results",
+    "Simulation": "simulation",
+    "SolveError": "errors",
+    "Stepping": "simulation",
+    "Tolerances": "solver",
+    "TongueMesh": "tonguemesh",
+    "Yeoh": "passive",
+    "parametric_tongue": "parametric",
+    "ramp": "activation",
+    "read_subject": "subject",
+}
+
+__all__ = [
+    "Activation", "Anatomy", "Contraction", "InputError", "Model", "Rayleigh", "Run", "Simulation", "SolveError",
+    "Stepping", "Tolerances", "TongueMesh", "Yeoh", "parametric_tongue", "ramp", "read_subject",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    # on first use, so that `tongue doctor` can speak when a library is missing
+    if name in _HOME:
+        return getattr(_import_module(f".{_HOME[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: MIT
+"""The command ``tongue``."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from .errors import InputError, SolveError
+
+if TYPE_CHECKING:
+    from .simulation import Progress as StepReport
+
+app = typer.Typer(
+    help="Biomechanics of the human tongue: build a mesh, run a scenario, look at the pictures.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+console = Console(soft_wrap=True)
+errors = Console(stderr=True, soft_wrap=True, highlight=False)
+
+Changes = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario, e.g. tissue.nu=0.499.")
+]
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folder.")]
+
+
+@app.command()
+def build(
+    subject: Annotated[
+        Path | None, typer.Argument(metavar="[SUBJECT_FOLDER]", help="A real subject; without it the parametric tongue.")
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE.msh", help="Mesh file; FILE.h5 and FILE.json lie beside it.")
+    ] = Path("tongue.msh"),
+    preset: Annotated[str | None, typer.Option(help="coarse, medium or reference.")] = None,
+    size: Annotated[float | None, typer.Option(metavar="MM", help="Element size in mm instead of a preset.")] = None,
+) -> None:
+    """Mesh the parametric tongue or a real subject."""
+    from . import assemble, meshing
+    from .scenario import MeshSection
+
+    if preset is not None and size is not None:
+        raise InputError("--preset and --size: give one of them.")
+    preset = preset or "coarse"
+    if preset not in meshing.PRESETS:
+        raise InputError(f"--preset: {preset!r} is not one of {', '.join(meshing.PRESETS)}.")
+    source = MeshSection(parametric=preset) if subject is None else MeshSection(subject=str(subject))
+    figures = meshing.build(assemble.anatomy_of(source), output, meshing.PRESETS[preset] if size is None else 1e-3 * size)
+    _show_mesh(figures, output)
+
+
+def _show_mesh(figures: dict[str, Any], path: Path) -> None:
+    table = Table("muscle", "volume cm³", "cells", "fibre length mm", "PCSA mm²", title=str(figures["name"]))
+    for name, m in figures["muscles"].items():
+        pcsa = "–" if m["pcsa_m2"] is None else f"{1e6 * m['pcsa_m2']:.0f}"
+        table.add_row(name, f"{1e6 * m['volume_m3']:.2f}", str(m["n_cells"]), f"{1e3 * m['mean_length_m']:.0f}", pcsa)
+    console.print(table)
+    console.print(
+        f"volume {1e6 * figures['volume_m3']:.1f} cm³, dorsal arc {1e3 * figures['arc_length_m']:.1f} mm, "
+        f"chord {1e3 * figures['chord_m']:.1f} mm, oral width {1e3 * figures['width_m']:.1f} mm, "
+        f"mid-sagittal area {1e4 * figures['midsagittal_area_m2']:.1f} cm²"
+    )
+    console.print(f"{figures['n_nodes']} nodes (quadratic), {figures['n_cells']} tetrahedra, smallest SICN {figures['min_sicn']:.2f}")
+    for note in figures["notes"]:
+        console.print(note)
+    console.print(f"wrote {path}, {path.with_suffix('.h5').name} and {path.with_suffix('.json').name}")
+
+
+@app.command()
+def run(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")],
+    output: Folder,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+    changes: Changes = None,
+) -> None:
+    """Run one simulation, also under mpiexec -n N."""
+    from mpi4py import MPI
+
+    from . import assemble
+    from .meshing import check_writable
+    from .scenario import dump, load
+    from .tonguemesh import on_rank_zero
+
+    comm = MPI.COMM_WORLD
+    loaded = load(scenario, changes)
+    on_rank_zero(comm, lambda: check_writable(output))
+    simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
+    if comm.rank == 0:
+        (output / "scenario.toml").write_text(dump(loaded.in_metres()), encoding="utf-8")
+    with _Bar(comm.rank == 0) as bar:
+        result = simulation.run(loaded.time.end, output, resume, bar)
+    if comm.rank == 0:
+        pictures = result.plot()
+        s = result.summary
+        console.print(
+            f"{s['n_steps']} steps ({s['n_rejected']} rejected), "
+            f"{s['newton_iterations'] / max(s['n_steps'], 1):.1f} Newton iterations a step, {s['wall_seconds']:.0f} s; "
+            f"volume change {100 * s['volume_change_max']:.2f} %, Hencky strain {s['hencky_von_mises_max']:.2f}, "
+            f"peak speed {100 * s['peak_speed_m_s']:.1f} cm/s"
+        )
+        for name, u in s["probes"].items():
+            console.print(f"  {name}: {1e3 * -u[0]:+.1f} mm forward, {1e3 * u[2]:+.1f} mm up")
+        console.print("pictures: " + ", ".join(map(str, pictures)))
+        console.print(f"fields for ParaView: {output / 'fields.xdmf'}")
+
+
+class _Bar:
+    """Progress with time, step, Newton iterations and the time that is left; plain lines where no terminal is."""
+
+    def __init__(self, active: bool) -> None:
+        self._tenth = -1
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not (active and console.is_terminal),
+        )
+        self._task = self._bar.add_task("compiling the forms", total=None)
+
+    def __enter__(self) -> _Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def __call__(self, p: StepReport) -> None:
+        text = f"t {1e3 * p.t:.1f} of {1e3 * p.t_end:.0f} ms, step {p.step} ({1e3 * p.h:.2g} ms), {p.newton} Newton, {p.krylov} {p.rung}"
+        self._bar.update(self._task, description=text, completed=p.t, total=p.t_end)
+        tenth = int(10 * p.t / p.t_end + 1e-9)
+        if not console.is_terminal and tenth > self._tenth:
+            console.print(text)
+            self._tenth = tenth
+
+
+@app.command()
+def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], changes: Changes = None) -> None:
+    """Validate a scenario and say what would run, without running."""
+    from . import assemble
+    from .scenario import load
+
+    loaded = load(scenario, changes)
+    with tempfile.TemporaryDirectory() as folder:
+        simulation = assemble.simulation_of(loaded, Path(folder))
+    model, tongue = simulation.model, simulation.model.tongue
+    n_cells = tongue.mesh.topology.index_map(3).size_global
+    console.print(f"{scenario} is fine: {tongue.name}, {n_cells} tetrahedra, surfaces {', '.join(sorted(tongue.surfaces))}")
+    law = ", ".join(f"{name} {value:g} Pa" for name, value in model.passive.parameters.items())
+    console.print(f"tissue {loaded.tissue.preset}: {law}, nu {model.passive.nu:g}, density {model.density:g} kg/m³")
+    for name, course in simulation.activation.items():
+        stress = model.sigma_max.get(name, model.sigma_max.get(name.split("_")[0], 0.0))
+        pieces = "; ".join(f"{1e3 * d:g} ms {a:g} → {b:g}" for d, a, b in course.pieces)
+        console.print(f"{name}: {pieces}, at most {stress / 1e3:g} kPa")
+    console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")
+
+
+@app.command()
+def doctor() -> None:
+    """Say what is installed, what is wrong and how to mend it."""
+    from .doctor import findings
+
+    wrong = False
+    for name, fine, text in findings():
+        console.print(f"[green]ok [/]{name}: {text}" if fine else f"[red]bad[/] {name}: {text}", highlight=False)
+        wrong = wrong or not fine
+    if wrong:
+        raise SystemExit(2)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exit with 0 done, 2 bad input, 3 the solve failed, 130 interrupted."""
+    code = _exit_code(lambda: app(args=arguments, standalone_mode=False))
+    sys.exit(code)
+
+
+def _exit_code(command: Callable[[], Any]) -> int:
+    try:
+        result = command()
+        return result if isinstance(result, int) else 0
+    except (InputError, SolveError) as error:
+        if _rank() == 0:
+            errors.print(f"[red]error:[/] {_escaped(str(error))}")
+        return 2 if isinstance(error, InputError) else 3
+    except typer.TyperException as error:
+        if _rank() == 0:
+            errors.print(f"[red]error:[/] {_escaped(error.format_message())} See tongue --help.")
+        return 2
+    except KeyboardInterrupt:
+        if _rank() == 0:
+            errors.print("interrupted; go on with --resume")
+        return 130
+    except SystemExit as leaving:
+        return leaving.code if isinstance(leaving.code, int) else 1
+    except Exception:
+        traceback.print_exc()
+        if _size() > 1:  # the other ranks wait in a collective call
+            from mpi4py import MPI
+
+            MPI.COMM_WORLD.Abort(1)
+        return 1
+
+
+def _escaped(text: str) -> str:
+    return text.replace("[", "\\[")
+
+
+def _rank() -> int:
+    module = sys.modules.get("mpi4py.MPI")
+    return int(module.COMM_WORLD.rank) if module else 0
+
+
+def _size() -> int:
+    module = sys.modules.get("mpi4py.MPI")
+    return int(module.COMM_WORLD.size) if module else 1

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: MIT
+"""A scenario: the TOML file that says what to simulate. Read and checked before anything long starts."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from . import muscles, passive
+from .activation import Activation
+from .active import FORCE_VELOCITY
+from .errors import InputError
+from .meshing import PRESETS
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+TISSUES: dict[str, dict[str, float]] = {
+    "calka": {"density": 1000.0, "rayleigh_alpha": 20.0, "rayleigh_beta": 0.0},
+    "buchaillard": {"density": 1040.0, "rayleigh_alpha": 40.0, "rayleigh_beta": 0.03},
+    "kappert": {"density": 1040.0, "rayleigh_alpha": 20.0, "rayleigh_beta": 0.0},
+}
+"""Density in kg/m³ and Rayleigh damping in 1/s and s that go with each passive preset: the chapter; Buchaillard 2009;
+Kappert 2021 with the chapter's damping."""
+
+
+class Section(BaseModel):
+    """A table of the scenario; unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class MeshSection(Section):
+    """Where the mesh comes from: one of a file, a preset of the parametric tongue, or a subject's folder."""
+
+    file: str | None = None
+    parametric: str | None = None
+    subject: str | None = None
+    size: Positive | None = None
+
+    @field_validator("parametric")
+    @classmethod
+    def _known_preset(cls, value: str | None) -> str | None:
+        if value is not None and value not in PRESETS:
+            raise ValueError(f"{value!r} is not one of {', '.join(PRESETS)}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MeshSection:
+        if sum(source is not None for source in (self.file, self.parametric, self.subject)) != 1:
+            raise ValueError("exactly one of file, parametric and subject is expected")
+        if self.size is not None and self.file is not None:
+            raise ValueError("size belongs to parametric or subject; the mesh file already has one")
+        return self
+
+
+class TissueSection(Section):
+    """Passive tissue: a preset and what differs from it."""
+
+    preset: str = "calka"
+    c10: Positive | None = None
+    c20: NotNegative | None = None
+    nu: Annotated[float, Field(gt=-1, lt=0.5)] | None = None
+    volumetric: str = "quadratic"
+    density: Positive | None = None
+    rayleigh_alpha: NotNegative | None = None
+    rayleigh_beta: NotNegative | None = None
+
+    @field_validator("preset")
+    @classmethod
+    def _known_preset(cls, value: str) -> str:
+        if value not in TISSUES:
+            raise ValueError(f"{value!r} is not one of {', '.join(TISSUES)}")
+        return value
+
+    @field_validator("volumetric")
+    @classmethod
+    def _known_law(cls, value: str) -> str:
+        if value not in passive.VOLUMETRIC:
+            raise ValueError(f"{value!r} is not one of {', '.join(passive.VOLUMETRIC)}")
+        return value
+
+
+class MuscleSection(Section):
+    """The active law; ``sigma_max`` (Pa, by muscle) replaces values of the tissue's table."""
+
+    force_velocity: str = "grenoble"
+    optimal_stretch: Annotated[float, Field(ge=0.5, le=2)] = 1.0
+    tendon_length: NotNegative = 6e-3
+    sigma_max: dict[str, NotNegative] = {}
+
+    @field_validator("force_velocity")
+    @classmethod
+    def _known_law(cls, value: str) -> str:
+        if value not in FORCE_VELOCITY:
+            raise ValueError(f"{value!r} is not one of {', '.join(FORCE_VELOCITY)}")
+        return value
+
+
+class BoundarySection(Section):
+    """Tagged surfaces that do not move."""
+
+    fixed: list[str] = ["mandible", "hyoid"]
+
+
+class GravitySection(Section):
+    """Gravity in m/s² and the time in s over which it grows from zero."""
+
+    acceleration: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
+    rise: NotNegative = 0.1
+
+
+class TimeSection(Section):
+    """Time in s."""
+
+    end: Positive
+    step: Positive | None = None
+    step_max: Positive = 5e-3
+    step_min: Positive = 1e-5
+    spectral_radius: Annotated[float, Field(ge=0, le=1)] = 0.8
+
+
+class OutputSection(Section):
+    """Time in s between stored fields."""
+
+    every: Positive = 0.01
+
+
+class SolverSection(Section):
+    """Accuracy of each step: residual over that of the first guess, residual in N, and the linear solves."""
+
+    rtol: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    atol: Positive = 1e-9
+    linear: Annotated[float, Field(gt=0, lt=1)] = 1e-3
+    max_newton: Annotated[int, Field(ge=1)] = 15
+
+
+class ActivationSection(Section):
+    """Pieces of duration in s, start level and target level."""
+
+    pieces: list[tuple[float, float, float]]
+
+    @field_validator("pieces")
+    @classmethod
+    def _levels(cls, value: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+        Activation(value)
+        return value
+
+
+class Scenario(Section):
+    """A whole scenario, lengths as in the file; `in_metres` gives the one to compute with."""
+
+    units: Literal["m", "mm"] = "m"
+    mesh: MeshSection
+    tissue: TissueSection = TissueSection()
+    muscles: MuscleSection = MuscleSection()
+    boundary: BoundarySection = BoundarySection()
+    gravity: GravitySection = GravitySection()
+    time: TimeSection
+    output: OutputSection = OutputSection()
+    solver: SolverSection = SolverSection()
+    activation: dict[str, ActivationSection] = {}
+    probes: dict[str, str | tuple[Finite, Finite, Finite]] | None = None
+
+    def in_metres(self) -> Scenario:
+        """The same scenario with every length in m (gravity is always in m/s²)."""
+        if self.units == "m":
+            return self
+        mesh = self.mesh.model_copy(update={"size": None if self.mesh.size is None else 1e-3 * self.mesh.size})
+        written = self.muscles.model_fields_set
+        tendon = 1e-3 * self.muscles.tendon_length if "tendon_length" in written else self.muscles.tendon_length
+        probes = self.probes and {n: p if isinstance(p, str) else (1e-3 * p[0], 1e-3 * p[1], 1e-3 * p[2]) for n, p in self.probes.items()}
+        return self.model_copy(
+            update={"units": "m", "mesh": mesh, "muscles": self.muscles.model_copy(update={"tendon_length": tendon}), "probes": probes}
+        )
+
+    def law(self) -> passive.Yeoh:
+        """The passive law with the preset's numbers where none is given."""
+        base: passive.Yeoh = getattr(passive.Yeoh, self.tissue.preset)()
+        given = {n: v for n in ("c10", "c20", "nu") if (v := getattr(self.tissue, n)) is not None}
+        return passive.Yeoh(**({"c10": base.c10, "c20": base.c20, "nu": base.nu} | given), volumetric=self.tissue.volumetric)
+
+    def tissue_value(self, name: str) -> float:
+        """Density or Rayleigh damping, given or of the preset."""
+        value = getattr(self.tissue, name)
+        return float(TISSUES[self.tissue.preset][name] if value is None else value)
+
+    def sigma_max(self) -> dict[str, float]:
+        """Peak stress in Pa by muscle: the tissue's table with the scenario's values in place."""
+        return muscles.PEAK_STRESS[self.tissue.preset] | self.muscles.sigma_max
+
+
+def load(path: Path, changes: list[str] | None = None) -> Scenario:
+    """Read a scenario and check it.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file; a mesh file in it is looked for beside it.
+    changes : list of str
+        ``key.sub=value`` with a TOML value, as of ``--set``.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or not TOML, or a key or value is not accepted.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: the scenario does not exist; a TOML file is expected.")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid TOML: {error}.") from error
+    for change in changes or []:
+        _change(data, change)
+    source = data.get("mesh")
+    if isinstance(source, dict):
+        for key in ("file", "subject"):
+            if isinstance(source.get(key), str):
+                source[key] = str(path.parent / source[key])
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{path}: {explain(error)}") from error
+
+
+def _change(data: dict[str, Any], change: str) -> None:
+    key, separator, text = change.partition("=")
+    if not separator or not key:
+        raise InputError(f"--set {change}: key=value is expected, such as tissue.nu=0.499.")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *parents, last = key.split(".")
+    table = data
+    for parent in parents:
+        table = table.setdefault(parent, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {change}: {parent} is a value, not a table.")
+    table[last] = value
+
+
+def explain(error: ValidationError) -> str:
+    """The first error of a validation as a sentence with the key, the fault and what is accepted."""
+    first = error.errors()[0]
+    where = [part for part in first["loc"] if not (isinstance(part, str) and part.startswith("tuple["))]
+    key = ".".join(map(str, where))
+    if first["type"] == "extra_forbidden":
+        known = _known_keys(where[:-1])
+        near = get_close_matches(str(where[-1]), known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        return f"unknown key {key!r}; {hint}Known here: {', '.join(known)}."
+    if first["type"] == "missing":
+        return f"the key {key!r} is missing."
+    message = first["msg"].removeprefix("Value error, ")
+    given = first.get("input")
+    shown = f" (given: {given!r})" if isinstance(given, str | float | int) and not isinstance(given, bool) else ""
+    return f"{key or 'scenario'}: {message[0].lower()}{message[1:].rstrip('.')}{shown}."
+
+
+def _known_keys(where: list[Any]) -> list[str]:
+    model: type[BaseModel] = Scenario
+    for part in where:
+        field = model.model_fields.get(str(part))
+        if field is None:  # a muscle's table
+            return list(ActivationSection.model_fields)
+        kind = field.annotation
+        if not (isinstance(kind, type) and issubclass(kind, BaseModel)):
+            continue
+        model = kind
+    return list(ActivationSection.model_fields) if "activation" in where else list(model.model_fields)
+
+
+def dump(scenario: Scenario) -> str:
+    """The scenario as TOML, with all defaults written out."""
+    return _toml(scenario.model_dump(exclude_none=True))
+
+
+def _toml(table: Mapping[str, Any], prefix: str = "") -> str:
+    plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
+    text = "".join(f"{key} = {_value(value)}\n" for key, value in plain.items())
+    for key, value in table.items():
+        if isinstance(value, dict) and value:
+            name = f"{prefix}{key}"
+            inner = _toml(value, f"{name}.")
+            header = "" if all(isinstance(v, dict) for v in value.values()) else f"\n[{name}]\n"
+            text += header + inner
+    return text
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return repr(value)
