@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: MIT
+"""Shared meshes: a block, and the parametric tongue at 8 mm, each built once and read on every rank."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import gmsh
+import numpy as np
+import pytest
+
+import tongue_fenicsx as tf  # before mpi4py
+from tongue_fenicsx import meshing
+from tongue_fenicsx.tonguemesh import on_rank_zero
+
+from mpi4py import MPI  # isort: skip
+
+SUBJECT = Path(__file__).parents[2] / "shared" / "data" / "subject_pb"
+
+needs_subject = pytest.mark.skipif(not SUBJECT.is_dir(), reason="the data of subject PB are not beside the project")
+
+
+def write_block(path: Path, lengths: tuple[float, float, float], divisions: tuple[int, int, int]) -> None:
+    """A box of tetrahedra in m with surfaces ``left`` (x = 0), ``right`` and ``free``, volume ``passive``."""
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        model = gmsh.model
+        box = model.occ.addBox(0, 0, 0, *lengths)
+        model.occ.synchronize()
+        for dim, curve in model.getEntities(1):
+            ends = np.ptp(np.reshape(model.getBoundingBox(dim, curve), (2, 3)), axis=0)
+            model.mesh.setTransfiniteCurve(curve, divisions[int(np.argmax(ends))] + 1)
+        for _, surface in model.getEntities(2):
+            model.mesh.setTransfiniteSurface(surface)
+        model.mesh.setTransfiniteVolume(box)
+        groups: dict[str, list[int]] = {"left": [], "right": [], "free": []}
+        for _, surface in model.getEntities(2):
+            x = model.occ.getCenterOfMass(2, surface)[0]
+            groups["left" if x < 1e-9 else "right" if x > lengths[0] - 1e-9 else "free"].append(surface)
+        for name, members in groups.items():
+            model.addPhysicalGroup(2, members, name=name)
+        model.addPhysicalGroup(3, [box], name="passive")
+        model.mesh.generate(3)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+@pytest.fixture(scope="session")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One scratch folder for all ranks."""
+    folder = tmp_path_factory.mktemp("work") if MPI.COMM_WORLD.rank == 0 else None
+    return MPI.COMM_WORLD.bcast(folder)
+
+
+@pytest.fixture
+def scratch(workspace: Path, request: pytest.FixtureRequest) -> Path:
+    """A fresh folder for one test, the same on all ranks."""
+    folder = workspace / request.node.name.replace("/", "_").replace("[", "_").replace("]", "")
+    on_rank_zero(MPI.COMM_WORLD, lambda: os.makedirs(folder, exist_ok=True))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def block(workspace: Path) -> tf.TongueMesh:
+    """20 × 10 × 10 mm."""
+    path = workspace / "block.msh"
+    on_rank_zero(MPI.COMM_WORLD, lambda: write_block(path, (0.02, 0.01, 0.01), (4, 2, 2)))
+    return tf.TongueMesh.read(path)
+
+
+@pytest.fixture(scope="session")
+def tongue_file(workspace: Path) -> Path:
+    """The parametric tongue at 8 mm, some 1 700 tetrahedra."""
+    path = workspace / "tongue.msh"
+    on_rank_zero(MPI.COMM_WORLD, lambda: meshing.build(tf.parametric_tongue(), path, 8e-3))
+    return path
+
+
+@pytest.fixture(scope="session")
+def tongue(tongue_file: Path) -> tf.TongueMesh:
+    """The same, read."""
+    return tf.TongueMesh.read(tongue_file)
+
+
+@pytest.fixture(autouse=True)
+def _collect_together() -> Iterator[None]:
+    """Let destructors that talk to other ranks run on all of them at once."""
+    yield
+    import gc
+
+    gc.collect()
+    MPI.COMM_WORLD.barrier()

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: MIT
+"""The command line: exit codes, and one clear sentence for each kind of bad input."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import write_block
+
+from tongue_fenicsx.cli import main
+from tongue_fenicsx.scenario import dump, load
+
+SCENARIO = """
+[mesh]
+file = "tongue.msh"
+
+[time]
+end = 0.01
+
+[activation.GGP]
+pieces = [[0.1, 0.0, 1.0]]
+"""
+
+
+def tongue(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str]:
+    """Run the command in this process; return its exit code and what it printed."""
+    with pytest.raises(SystemExit) as leaving:
+        main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return int(leaving.value.code or 0), out + err
+
+
+@pytest.fixture
+def scenario(tongue_file: Path) -> Path:
+    path = tongue_file.parent / "scenario.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+BAD = [
+    (["mesh.file=nowhere.msh"], "nowhere.msh: the mesh file does not exist"),
+    (["tisue.nu=0.4"], "unknown key 'tisue'; did you mean 'tissue'?"),
+    (["tissue.mu=0.4"], "unknown key 'tissue.mu'; did you mean 'nu'?"),
+    (["activation.GGP.peices=[]"], "unknown key 'activation.GGP.peices'; did you mean 'pieces'?"),
+    (["activation.GPG.pieces=[[0.1, 0.0, 1.0]]"], "no muscle 'GPG' in the mesh; did you mean GGP?"),
+    (["activation.GGP_L.pieces=[[0.1, 0.0, 1.0]]"], "GGP_L is activated twice"),
+    (["tissue.nu=0.5"], "tissue.nu: input should be less than 0.5 (given: 0.5)"),
+    (["tissue.c10=-1"], "tissue.c10: input should be greater than 0"),
+    (["tissue.preset='cork'"], "'cork' is not one of calka, buchaillard, kappert"),
+    (["activation.GGP.pieces=[[0.1, 0.0, 1.2]]"], "a level of piece 1 is 1.2; a number from 0 to 1 is expected"),
+    (["activation.GGP.pieces=[[0.1, 0.0, nan]]"], "a level of piece 1 is nan; a number from 0 to 1 is expected"),
+    (["activation.GGP.pieces=[[0.1, 0.0]]"], "activation.GGP.pieces.0.2"),
+    (["boundary.fixed=['maxilla']"], "the mesh has no surface 'maxilla'; it has free, hyoid, mandible"),
+    (["units='cm'"], "units: input should be 'm' or 'mm' (given: 'cm')"),
+    (["muscles.force_velocity='fast'"], "'fast' is not one of grenoble, hill, none"),
+    (["muscles.sigma_max={GGP=-1.0}"], "muscles.sigma_max.GGP: input should be greater than or equal to 0"),
+    (["time.end=0"], "time.end: input should be greater than 0"),
+    (["probes.tip='nose'"], "no landmark 'nose' in the mesh; it has dorsum, edge_left"),
+    (["mesh.parametric='coarse'"], "exactly one of file, parametric and subject is expected"),
+    (["nonsense"], "--set nonsense: key=value is expected"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD, ids=[c[0][:30] for c, _ in BAD])
+def test_bad_scenarios(scenario: Path, capsys: pytest.CaptureFixture[str], changes: list[str], message: str) -> None:
+    """Each fault is one line that names the key and what is accepted; the exit code is 2."""
+    options = [part for change in changes for part in ("--set", change)]
+    code, text = tongue(capsys, "check", scenario, *options)
+    assert code == 2
+    assert message in text
+    assert text.startswith("error:")
+    assert len(text.strip().splitlines()) == 1
+
+
+def test_missing_and_broken_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scenario that is missing or not TOML, a mesh that is not one, an unknown option, an unknown preset."""
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[mesh")
+    mesh = tmp_path / "text.msh"
+    mesh.write_text("not a mesh")
+    uses = tmp_path / "uses.toml"
+    uses.write_text(SCENARIO.replace("tongue.msh", "text.msh"))
+    for arguments, message in [
+        (["check", tmp_path / "none.toml"], "the scenario does not exist"),
+        (["check", broken], "not valid TOML"),
+        (["check", uses], "text.msh"),
+        (["check", uses, "--fast"], "No such option: --fast"),
+        (["build", "--preset", "huge"], "'huge' is not one of coarse, medium, reference"),
+        (["build", "--size", "0.1", "-o", tmp_path / "a.msh"], "0.1 mm is out of range"),
+        (["build", tmp_path / "nobody"], "the subject folder does not exist"),
+        (["build", "-o", tmp_path / "a.vtk"], "must end in .msh"),
+    ]:
+        code, text = tongue(capsys, *arguments)
+        assert (code, message in text) == (2, True), text
+
+
+def test_foreign_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mesh without muscles says so when one is activated; a mesh with a cell in two volumes is refused."""
+    import gmsh
+
+    write_block(tmp_path / "tongue.msh", (0.02, 0.01, 0.01), (2, 1, 1))
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO)
+    code, text = tongue(capsys, "check", path, "--set", "boundary.fixed=['left']")
+    assert code == 2
+    assert "It has no muscles" in text
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.open(str(tmp_path / "tongue.msh"))
+    gmsh.model.addPhysicalGroup(3, [gmsh.model.getEntities(3)[0][1]], name="GGP_L")
+    gmsh.write(str(tmp_path / "tongue.msh"))
+    gmsh.finalize()
+    code, text = tongue(capsys, "check", path)
+    assert code == 2
+    assert "is in the physical groups passive and GGP_L; exactly one is accepted" in text
+
+
+def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The whole command leaves the whole run folder; a folder in the way is refused before anything starts."""
+    code, text = tongue(capsys, "check", scenario)
+    assert (code, "GGP_L: 100 ms 0 → 1, at most 3 kPa" in text) == (0, True), text
+    folder = tmp_path / "run"
+    code, text = tongue(capsys, "run", scenario, "-o", folder, "--set", "time.step=0.005")
+    assert code == 0, text
+    files = "scenario.toml fields.xdmf fields.h5 history.h5 summary.json log.txt checkpoint.h5"
+    files += " figures/midsagittal.png figures/view3d.png figures/trajectories.png"
+    for name in files.split():
+        assert (folder / name).is_file(), name
+    assert load(folder / "scenario.toml").time.step == 0.005
+    code, text = tongue(capsys, "run", scenario, "-o", folder / "log.txt")
+    assert code == 2
+    assert "cannot be written" in text
+    code, text = tongue(capsys, "run", scenario, "-o", tmp_path / "new", "--resume")
+    assert code == 2
+    assert "nothing to resume" in text
+
+
+def test_units_and_dump(scenario: Path) -> None:
+    """Lengths in mm come out in m; what is dumped reads back the same."""
+    changes = ["units='mm'", "muscles.tendon_length=4", "probes.p=[1.0, 2.0, 3.0]", "activation.GGP.pieces=[[0.1, 0, 1]]"]
+    s = load(scenario, changes).in_metres()
+    assert s.muscles.tendon_length == pytest.approx(4e-3)
+    assert s.probes == {"p": pytest.approx((1e-3, 2e-3, 3e-3))}
+    copy = scenario.with_name("copy.toml")
+    copy.write_text(dump(s))
+    assert load(copy) == s
+
+
+def test_doctor(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """All is well here; without a compiler it says how to get one and exits with 2."""
+    code, text = tongue(capsys, "doctor")
+    assert code == 0, text
+    monkeypatch.setenv("CC", "no-such-compiler")
+    code, text = tongue(capsys, "doctor")
+    assert code == 2
+    assert "bad C compiler: no-such-compiler is not on the PATH" in text
+
+
+def test_solve_that_fails_exits_with_3(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A load that no step survives: exit code 3, and the folder still reads."""
+    options = ["gravity.acceleration=[0.0, 0.0, -1e6]", "gravity.rise=0.0", "time.step_min=0.004"]
+    code, text = tongue(capsys, "run", scenario, "-o", tmp_path, *(part for o in options for part in ("--set", o)))
+    assert (code, "last good state is saved" in text) == (3, True), text
+
+
+def test_bad_input_on_two_ranks(scenario: Path) -> None:
+    """Under MPI a fault is said once, and every rank leaves with 2."""
+    mpiexec = Path(sys.executable).with_name("mpiexec")
+    command = [mpiexec, "-n", "2", sys.executable, "-m", "tongue_fenicsx", "check", scenario, "--set", "activation.X.pieces=[[1, 0, 1]]"]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
+    result = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, env=environment)
+    assert result.returncode == 2
+    assert result.stderr.count("no muscle 'X'") == 1

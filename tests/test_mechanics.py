@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: MIT
+"""The weak form against closed forms, and its tangent against finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+
+import tongue_fenicsx as tf
+from tongue_fenicsx import jit
+from tongue_fenicsx.model import WeakForm
+from tongue_fenicsx.passive import bulk_modulus
+from tongue_fenicsx.tonguemesh import MuscleCells
+
+
+def with_fibres(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> tf.TongueMesh:
+    """The block as one muscle."""
+    index_map = block.mesh.topology.index_map(3)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    field = MuscleCells(cells, np.ones((len(cells), 4)), np.tile(unit, (len(cells), 4, 1)))
+    return tf.TongueMesh(block.mesh, block.facet_tags, block.surfaces, {"GGP_L": field}, {}, "bar")
+
+
+def weak_form(tongue: tf.TongueMesh, active: list[str] | None = None, **options: object) -> WeakForm:
+    return tf.Model(tongue, fixed=["left"], **options).weak_form(active or [])  # type: ignore[arg-type]
+
+
+def homogeneous(weak: WeakForm, F: np.ndarray) -> None:
+    """Give the weak form the displacement (F − I) X."""
+    weak.u.interpolate(lambda X: (F - np.eye(3)) @ X)
+    weak.frozen.x.array[:] = weak.u.x.array
+
+
+def stress_at(weak: WeakForm, P: object) -> np.ndarray:
+    """A homogeneous first Piola–Kirchhoff stress, from one cell."""
+    value = fem.Expression(
+        ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), np.array([[0.25, 0.25, 0.25]]), jit_options=jit.options()
+    )  # type: ignore[index]
+    return value.eval(weak.V.mesh, np.array([0], dtype=np.int32)).reshape(3, 3)
+
+
+@pytest.mark.parametrize("stretch", [0.6, 0.9, 1.3, 1.8])
+def test_uniaxial_yeoh(block: tf.TongueMesh, stretch: float) -> None:
+    """Isochoric uniaxial stretch: σ₁ − σ₂ = 2 (λ² − 1/λ)(C₁₀ + 2 C₂₀ (I₁ − 3)), the closed form of the Yeoh law."""
+    weak = weak_form(block)
+    F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
+    homogeneous(weak, F)
+    sigma = stress_at(weak, weak.passive_stress(weak.u)) @ F.T
+    I1 = stretch**2 + 2 / stretch
+    expected = 2 * (stretch**2 - 1 / stretch) * (192.0 + 2 * 90.0 * (I1 - 3))
+    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("volumetric", ["quadratic", "barrier"])
+def test_volumetric_pressure(block: tf.TongueMesh, volumetric: str) -> None:
+    """Pure dilatation: the mean stress is κ U′(J), κ = 2 C₁₀/(1 − 2ν)."""
+    law = tf.Yeoh(192.0, 90.0, 0.49, volumetric)
+    weak = weak_form(block, passive=law)
+    F = 1.05 * np.eye(3)
+    homogeneous(weak, F)
+    J = 1.05**3
+    sigma = stress_at(weak, weak.passive_stress(weak.u)) @ F.T / J
+    slope = J - 1 if volumetric == "quadratic" else (J - 1 / J) / 2
+    np.testing.assert_allclose(sigma, 2 * 192.0 / 0.02 * slope * np.eye(3), rtol=1e-10, atol=1e-8)
+
+
+def test_rotation_is_free_of_stress(block: tf.TongueMesh) -> None:
+    """A rigid rotation by 40° leaves no stress and no energy."""
+    weak = weak_form(block)
+    c, s = np.cos(0.7), np.sin(0.7)
+    homogeneous(weak, np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]))
+    assert abs(stress_at(weak, weak.passive_stress(weak.u))).max() < 1e-9
+
+
+def test_patch(block: tf.TongueMesh) -> None:
+    """A homogeneous deformation imposed on the boundary leaves no force inside (patch test, to round-off)."""
+    weak = weak_form(block, passive=tf.Yeoh(192.0, 90.0, 0.4))
+    F = np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.02], [0.03, 0.0, 1.02]])
+    homogeneous(weak, F)
+    w = ufl.TestFunction(weak.V)
+    b = fem_petsc.assemble_vector(fem.form(ufl.inner(weak.passive_stress(weak.u), ufl.grad(w)) * weak.dx, jit_options=jit.options()))
+    inside = fem.locate_dofs_geometrical(
+        weak.V, lambda x: (x[0] > 1e-6) & (x[0] < 0.02 - 1e-6) & (np.minimum(x[1], x[2]) > 1e-6) & (np.maximum(x[1], x[2]) < 0.01 - 1e-6)
+    )
+    forces = b.array.reshape(-1, 3)
+    assert len(inside) > 10
+    assert abs(forces[inside]).max() < 1e-12 * abs(forces).max()
+
+
+def blemker(x: float) -> float:
+    """Active force–length of Blemker 2005."""
+    if x <= 0.4 or x >= 1.6:
+        return 0.0
+    if x < 0.6:
+        return 9 * (x - 0.4) ** 2
+    return 1 - 4 * (1 - x) ** 2 if x <= 1.4 else 9 * (x - 1.6) ** 2
+
+
+@pytest.mark.parametrize("stretch", [0.3, 0.5, 0.8, 1.0, 1.2, 1.5, 1.7])
+@pytest.mark.parametrize("optimal", [1.0, 1.1])
+def test_isometric_bar(block: tf.TongueMesh, stretch: float, optimal: float) -> None:
+    """Held at a stretch, the fibre carries σ_max α f_L(λ̂) λ/λ_ofl more than its sides, with zero mean stress."""
+    weak = weak_form(
+        with_fibres(block),
+        ["GGP_L"],
+        contraction=tf.Contraction(force_velocity="none", tendon_length=0.0, optimal_stretch=optimal),
+        sigma_max={"GGP": 5e3},
+    )
+    weak.slots.activate({"GGP_L": 0.7})
+    F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
+    homogeneous(weak, F)
+    zero = fem.Function(weak.V)
+    sigma = stress_at_quadrature(weak, weak.active_stress(weak.u, zero)) @ F.T
+    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(0.7 * 5e3 * blemker(stretch / optimal) * stretch / optimal, rel=1e-10, abs=1e-9)
+    assert np.trace(sigma) == pytest.approx(0.0, abs=1e-8)
+
+
+def stress_at_quadrature(weak: WeakForm, P: object) -> np.ndarray:
+    """The same as `stress_at` where quadrature functions stand in the expression."""
+    import basix
+
+    points, _ = basix.make_quadrature(basix.CellType.tetrahedron, weak.model.quadrature_degree)
+    value = fem.Expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())  # type: ignore[index]
+    return np.asarray(value.eval(weak.V.mesh, np.array([0], dtype=np.int32))).reshape(-1, 3, 3)[0]
+
+
+GRENOBLE = {0.0: 1.0, -0.5: 0.84, -1.0: 0.67, -2.0: 0.34, -4.0: 0.0, 1.0: 1.26}
+HILL = {0.0: 1.0, -7.5: 0.0, -9.0: 0.0, -1.5: 0.8 / 1.8, 100.0: 1.4963}
+
+
+@pytest.mark.parametrize(("law", "rate", "factor"), [*(("grenoble", *p) for p in GRENOBLE.items()), *(("hill", *p) for p in HILL.items())])
+def test_isokinetic_bar(block: tf.TongueMesh, law: str, rate: float, factor: float) -> None:
+    """At optimal length the force follows f_V of the isochoric stretch rate; values of Perrier 2003 and of Hill's hyperbola."""
+    weak = weak_form(
+        with_fibres(block), ["GGP_L"], contraction=tf.Contraction(force_velocity=law, tendon_length=0.0), sigma_max={"GGP": 1e3}
+    )
+    weak.slots.activate({"GGP_L": 1.0})
+    homogeneous(weak, np.eye(3))
+    v = fem.Function(weak.V)
+    v.interpolate(lambda X: np.diag([rate, -rate / 2, -rate / 2]) @ X)
+    P = stress_at_quadrature(weak, weak.active_stress(weak.u, v))
+    assert (P[0, 0] - P[1, 1]) / 1e3 == pytest.approx(factor, abs=6e-3)
+
+
+def assembled(form: fem.Form) -> np.ndarray:
+    b = fem_petsc.assemble_vector(form)
+    values = b.array.copy()
+    b.destroy()
+    return values
+
+
+@pytest.mark.parametrize("nu", [0.49, 0.499])
+@pytest.mark.parametrize("volumetric", ["quadratic", "barrier"])
+@pytest.mark.parametrize("force_velocity", ["grenoble", "hill", "none"])
+def test_tangent_against_finite_differences(block: tf.TongueMesh, nu: float, volumetric: str, force_velocity: str) -> None:
+    """The tangent matches central differences of the residual whose stretch rate is measured with fixed ∂λ̄/∂F."""
+    weak = weak_form(
+        with_fibres(block, (1.0, 0.4, -0.2)),
+        ["GGP_L"],
+        passive=tf.Yeoh(192.0, 90.0, nu, volumetric),
+        contraction=tf.Contraction(force_velocity=force_velocity, tendon_length=0.0),
+        damping=tf.Rayleigh(20.0, 0.01),
+        sigma_max={"GGP": 3e3},
+    )
+    weak.slots.activate({"GGP_L": 0.6})
+    rng = np.random.default_rng(1)
+    F = np.eye(3) + 0.1 * rng.standard_normal((3, 3))
+    homogeneous(weak, F)
+    weak.u.x.array[:] += 2e-5 * rng.standard_normal(len(weak.u.x.array))
+    weak.frozen.x.array[:] = weak.u.x.array
+    rest = fem.Function(weak.V)
+    rest.x.array[:] = 1e-3 * rng.standard_normal(len(rest.x.array))
+    velocity_factor, acceleration_factor = (fem.Constant(weak.V.mesh, default_scalar_type(c)) for c in (40.0, 1600.0))
+    w, du = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
+    residual = weak.residual(weak.u, velocity_factor * (weak.u - weak.frozen) + rest, acceleration_factor * weak.u, w)
+    tangent = fem.form(ufl.derivative(residual, weak.u, du), jit_options=jit.options())
+    form = fem.form(residual, jit_options=jit.options())
+    A = fem_petsc.assemble_matrix(tangent)
+    A.assemble()
+    direction = fem.Function(weak.V)
+    direction.x.array[:] = rng.standard_normal(len(direction.x.array))
+    product = A.createVecLeft()
+    A.mult(direction.x.petsc_vec, product)
+    start, h = weak.u.x.array.copy(), 1e-8
+    weak.u.x.array[:] = start + h * direction.x.array
+    ahead = assembled(form)
+    weak.u.x.array[:] = start - h * direction.x.array
+    behind = assembled(form)
+    difference = (ahead - behind) / (2 * h)
+    assert np.linalg.norm(product.array - difference) < 1e-6 * np.linalg.norm(difference)
+    transposed = A.copy()
+    transposed.transpose()
+    transposed.axpy(-1.0, A)
+    assert transposed.norm() < 1e-12 * A.norm()
+
+
+def test_overlapping_muscles_add(block: tf.TongueMesh) -> None:
+    """Two muscles in the same cells give the sum of their stresses."""
+    along, across = (with_fibres(block, d).muscles["GGP_L"] for d in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    both = tf.TongueMesh(block.mesh, block.facet_tags, block.surfaces, {"GGP_L": along, "TRANS_L": across}, {}, "bar")
+    P = {}
+    for active in (["GGP_L"], ["TRANS_L"], ["GGP_L", "TRANS_L"]):
+        weak = weak_form(both, active, contraction=tf.Contraction(tendon_length=0.0), sigma_max={"GGP": 2e3, "TRANS": 1e3})
+        weak.slots.activate(dict.fromkeys(active, 1.0))
+        homogeneous(weak, np.diag([0.9, 1.05, 1.0]))
+        P["+".join(active)] = stress_at_quadrature(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
+    np.testing.assert_allclose(P["GGP_L+TRANS_L"], P["GGP_L"] + P["TRANS_L"], rtol=1e-12)
+    assert abs(P["GGP_L"]).max() > 100
+
+
+def test_tendon_zone(block: tf.TongueMesh) -> None:
+    """The active stress is nil at the bonded face and whole beyond the tendon."""
+    model = tf.Model(block, fixed=["left"], contraction=tf.Contraction(tendon_length=6e-3))
+    x = np.array([0.0, 3e-3, 6e-3, 12e-3])
+    factor = model.tendon_factor(np.column_stack([x, np.full(4, 5e-3), np.full(4, 5e-3)]))
+    np.testing.assert_allclose(factor, [0, 0.5, 1, 1], atol=1e-9)
+
+
+def test_bulk_modulus() -> None:
+    """The chapter's κ: 19.2 kPa for its tissue."""
+    assert bulk_modulus(tf.Yeoh.calka()) == pytest.approx(19.2e3)
