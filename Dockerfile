@@ -2,7 +2,7 @@
 # docker run --rm -v "$PWD/runs:/work/runs" tongue_fenicsx run demos/ggp.toml -o runs/ggp
 FROM python:3.13-slim-bookworm
 RUN apt-get update \
- && apt-get install -y --no-install-recommends gcc libc6-dev libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1 \
+ && apt-get install -y --no-install-recommends gcc libc6-dev libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1 libegl1 \
  && rm -rf /var/lib/apt/lists/*
 WORKDIR /work
 COPY pyproject.toml constraints.txt README.md LICENSE ./

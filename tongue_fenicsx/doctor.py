@@ -31,6 +31,7 @@ def findings() -> Iterator[Finding]:
         ("pymeshfix", "pip install pymeshfix"),
     ):
         yield _module(name, mend)
+    yield _drawing()
     yield _petsc()
     yield _cache()
     threads = os.environ.get("OMP_NUM_THREADS", "")
@@ -75,6 +76,15 @@ def _petsc() -> Finding:
     if PETSc.ScalarType is not float and "complex" in str(PETSc.ScalarType):
         return "PETSc", False, "uses complex numbers; a real build is needed"
     return "PETSc", True, ".".join(map(str, PETSc.Sys.getVersion())) + ", real, with MUMPS"
+
+
+def _drawing() -> Finding:
+    """Draw off screen in another process: where no driver is found, VTK may end the process."""
+    code = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Sphere()); p.screenshot(None, return_img=True)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    if result.returncode:
+        return "pictures", False, "VTK cannot draw off screen; on Debian: apt install libgl1 libegl1 libosmesa6"
+    return "pictures", True, "drawn off screen"
 
 
 def _cache() -> Finding:

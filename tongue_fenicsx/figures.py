@@ -13,11 +13,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
 from matplotlib.collections import LineCollection
+from vtkmodules.vtkCommonCore import vtkLogger
 
 from .fibres import Floats
 
 if TYPE_CHECKING:
     from .results import Run
+
+vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
 
 COLOURS = "viridis"
 PROBES = ("tip", "dorsum", "root")
