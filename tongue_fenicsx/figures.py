@@ -39,7 +39,7 @@ def _grid(run: Run, index: int = -1) -> tuple[pv.UnstructuredGrid, pv.Unstructur
 
 
 def _section(grid: pv.UnstructuredGrid) -> pv.PolyData:
-    """The mid-sagittal section of a grid that stands at rest, with its own points kept."""
+    """Where the mid-sagittal plane cuts a grid, as triangles."""
     return grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, 1e-4, 0.0)).triangulate()
 
 
@@ -86,11 +86,12 @@ def view3d(run: Run, index: int = -1) -> Path:
             cmap=COLOURS,
             smooth_shading=True,
             clim=(0.0, max(float(deformed["displacement"].max()), 1e-6)),
-            scalar_bar_args={"title": "displacement in mm", "color": "black"},
+            scalar_bar_args={"title": "displacement in mm\n", "color": "black", "fmt": "%.1f", "n_labels": 5},
         )
         plotter.add_mesh(_skin(rest), color="gray", opacity=0.18, smooth_shading=True)
         plotter.add_text(f"{_title(run)}, {1e3 * _time(run, index):.0f} ms", font_size=11, color="black")
         plotter.view_vector((-1.2, -1.0, 0.55), viewup=(0, 0, 1))
+        plotter.camera.zoom(1.35)
         plotter.screenshot(path)
     finally:
         plotter.close()
