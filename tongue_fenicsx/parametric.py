@@ -134,9 +134,9 @@ def parametric_tongue() -> Anatomy:
 def _attachment(centroids: Floats) -> np.ndarray:
     """Labels of surface triangles (mm): symphysis and mylohyoid line to the mandible, the rear floor to the hyoid."""
     x, y, z = centroids.T
-    symphysis = (x < 2.0) & (z > -16.0) & (z < 5.0)
+    symphysis = (x < np.where(z < -5.0, 4.0, 2.0)) & (z < 5.0)
     line = np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10])
-    mylohyoid = (x < 29.0) & (abs(z - line) < 3.5) & (y > 4.0)
+    mylohyoid = (x < 25.0) & (abs(z - line) < 3.5) & (y > 4.0)
     hyoid = (x > 30.5) & (z < np.interp(x, [30, 37, 50], [-10.5, -8.5, -7.0])) & (y < 22.5)
     return np.select([symphysis | mylohyoid, hyoid], ["mandible", "hyoid"], "free").astype("<U16")
 
@@ -163,13 +163,15 @@ def _to_surface(profile: Profile, start: Floats, angle: float, under: float) -> 
 
 
 def _genioglossus(profile: Profile, angles: Floats, spread: tuple[float, ...]) -> Lines:
-    """The fan from the tendon line at the spine, straight behind and bent upward in front, where the notch is in the way."""
+    """The fan from the tendon line at the spine: the fibres leave backward and turn up, the more the further forward they end."""
     lines = []
     for angle in angles:
         start = np.array([0.3, np.interp(angle, [-5, 45, 65], [-8.0, -0.5, 1.5])])
         if angle < 66:
             end = _to_surface(profile, start, angle, 3.5)
-            knee = (start + end) / 2
+            along = np.radians(angle)
+            bend = np.interp(angle, [0.0, 30.0, 65.0], [0.5, 2.5, 5.5])
+            knee = (start + end) / 2 + bend * np.array([np.sin(along), -np.cos(along)])
         else:
             end = _to_surface(profile, np.array([9.0 - 0.12 * (angle - 66), 15.0]), angle, 3.5)
             knee = np.array([5.5 - 0.03 * (angle - 66), 13.0])
@@ -200,11 +202,11 @@ def _hyoglossus(profile: Profile) -> Lines:
 
 
 def _inferior_longitudinal(profile: Profile) -> Lines:
-    return [
-        _smooth([(49.0, 12 + dy, -5.5), (36, 9.5 + dy, -5), (29.0, 9.0 + dy, 5), (20.0, 9.0 + dy, 14), (3, 7.5 + dy, 17.0),
-                 (-9.0, 6.0 + dy, 20.5), (-16.0, 4.0 + dy / 2, 24.0)], 48)
-        for dy in (-1.5, 1.5)
-    ]  # fmt: skip
+    path = np.array([
+        (50.0, 12.5, -6.0), (38.0, 10.5, -6.5), (31.0, 9.5, -3.0), (28.0, 9.5, 5.0), (23.0, 9.0, 13.5), (12.0, 8.5, 16.0),
+        (0.0, 7.0, 18.0), (-9.0, 6.0, 20.5), (-17.0, 4.0, 22.8),
+    ])  # fmt: skip
+    return [_smooth(path + np.array([0.0, side, 0.0]), 48) for side in (-1.5, 1.5)]
 
 
 def _dorsal_shell(profile: Profile, fractions: Floats, under: float) -> Lines:
@@ -241,9 +243,9 @@ def _verticalis(profile: Profile) -> Lines:
     lines = []
     for under_skin in _dorsal_shell(profile, np.array([0.3, 0.5, 0.7, 0.86]), 2.5):
         for top in under_skin[2:-2:2]:
-            # toward the genioglossus origin behind, straight down in the blade
+            # like the fan of genioglossus, but without turning inward in the blade
             front = np.clip(-top[0] / 16, 0, 1)
-            centre = np.array([min(2.0, 0.6 * top[0]), 0.6 * top[1], min(top[2] - 14.0, 2.0 + 10.0 * front)])
+            centre = np.array([2.0, (0.35 + 0.6 * front) * top[1], 2.0 + 6.0 * front])
             reach = np.linspace(0.0, 16.0, 17)[:, None] * (centre - top) / np.linalg.norm(centre - top)
             line = top + reach
             line = line[np.minimum.accumulate(profile.level(line) > 1.5)]
@@ -257,8 +259,9 @@ def _transversus(profile: Profile) -> Lines:
         for z in np.arange(-9.0, 38.0, 5.0):
             if profile.depth(np.array([[x, z]]))[0] < 4.0 or (z < 17.0 and x < 20.0 - 0.5 * z):
                 continue
-            end = min(0.72 * float(profile.half_width(np.array([[x, z]]))[0]), 17.0)
-            lines.append(np.array([(x, 0.0, z), (x + 0.4, end / 2, z + 0.3), (x + 1.2, end, z + 1.0)]))
+            end = min(0.66 * float(profile.half_width(np.array([[x, z]]))[0]), 17.0)
+            backward, upward = 0.07 + 0.006 * (x - z), 0.34 - 0.0045 * x - 0.01 * z  # a fan
+            lines.append(np.array([(x + backward * y, y, z + upward * y) for y in (0.0, end / 2, end)]))
     return lines
 
 
@@ -271,8 +274,11 @@ def _mylohyoid(profile: Profile) -> Lines:
     for x in np.arange(5.5, 30.0, 3.0):
         z = float(np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10]))
         side = float(profile.half_width(np.array([[x, z]]))[0]) - 1.0
-        low = -14.8
-        lines.append(_smooth([(x, side, z), (x + 0.5, 0.8 * side, 0.4 * z + 0.6 * low), (x, 0.45 * side, low), (x - 0.5, 0.0, low - 0.7)]))
+        low = -14.6
+        drift = 0.3 * (x - 17.0)
+        lines.append(
+            _smooth([(x, side, z), (x + drift / 3, 0.9 * side, (z + low) / 2), (x + drift, 0.55 * side, low), (x + drift, 0.0, low - 1.2)])
+        )
     return lines
 
 
@@ -280,11 +286,11 @@ RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
     "GGP": (partial(_genioglossus, angles=np.arange(-4.0, 43.0, 6.5), spread=(1.2, 4.5, 7.0)), 2.2),
     "GGM": (partial(_genioglossus, angles=np.arange(48.0, 64.0, 4.5), spread=(1.2, 4.5)), 2.0),
     "GGA": (partial(_genioglossus, angles=np.arange(68.0, 122.0, 7.0), spread=(1.2, 4.5)), 2.2),
-    "SG": (_styloglossus, 2.3),
+    "SG": (_styloglossus, 2.1),
     "HG": (_hyoglossus, 2.6),
-    "IL": (_inferior_longitudinal, 2.0),
-    "VERT": (_verticalis, 2.3),
-    "TRANS": (_transversus, 2.7),
+    "IL": (_inferior_longitudinal, 1.9),
+    "VERT": (_verticalis, 2.15),
+    "TRANS": (_transversus, 2.75),
     "GH": (_geniohyoid, 2.4),
     "MH": (_mylohyoid, 2.2),
 }

@@ -193,9 +193,11 @@ class Newton:
             "mg_levels_pc_type": "sor",
             "mg_levels_pc_sor_local_symmetric": None,
             "mg_coarse_ksp_type": "preonly",
-            "mg_coarse_pc_type": "lu" if n_coarse <= DIRECT_COARSE_MAX else "gamg",
-            "mg_coarse_pc_factor_mat_solver_type": "mumps",
         }
+        if n_coarse <= DIRECT_COARSE_MAX:
+            settings |= {"mg_coarse_pc_type": "lu", "mg_coarse_pc_factor_mat_solver_type": "mumps"}
+        else:
+            settings |= {"mg_coarse_pc_type": "gamg"}
         options = PETSc.Options()
         for key, value in settings.items():
             if not options.hasName(prefix + key):
