@@ -175,6 +175,6 @@ def test_bad_subjects(scratch: Path, fault: str) -> None:
         expected = "a tongue in metres"
     else:
         (folder / "fibres.json").write_text("{")
-        expected = "not valid JSON"
+        expected = "fibres.json: cannot be read"
     with pytest.raises(tf.InputError, match=expected):
         tf.read_subject(folder)

@@ -42,7 +42,7 @@ def scenario(tongue_file: Path) -> Path:
 
 
 BAD = [
-    (["mesh.file=nowhere.msh"], "nowhere.msh: the mesh file does not exist"),
+    (["mesh.file=nowhere.msh"], "nowhere.msh: the file does not exist"),
     (["tisue.nu=0.4"], "unknown key 'tisue'; did you mean 'tissue'?"),
     (["tissue.mu=0.4"], "unknown key 'tissue.mu'; did you mean 'nu'?"),
     (["activation.GGP.peices=[]"], "unknown key 'activation.GGP.peices'; did you mean 'pieces'?"),
@@ -53,12 +53,19 @@ BAD = [
     (["tissue.preset='cork'"], "'cork' is not one of calka, buchaillard, kappert"),
     (["activation.GGP.pieces=[[0.1, 0.0, 1.2]]"], "a level of piece 1 is 1.2; a number from 0 to 1 is expected"),
     (["activation.GGP.pieces=[[0.1, 0.0, nan]]"], "a level of piece 1 is nan; a number from 0 to 1 is expected"),
-    (["activation.GGP.pieces=[[0.1, 0.0]]"], "activation.GGP.pieces.0.2"),
+    (["activation.GGP.pieces=[[0.1, 0.0]]"], "activation.GGP.pieces.0: more numbers are expected"),
+    (["tissue.nu='0.49'"], "tissue.nu: input should be a valid number (given: '0.49')"),
+    (["tissue=3"], "tissue: a table is expected (given: 3)"),
+    (["boundary.fixed=[]"], "boundary.fixed: nothing is fixed"),
+    (["muscles.sigma_max={XYZ=1.0}"], "no muscle 'XYZ' in the mesh"),
+    (["time.step_min=0.1"], "step_min: 0.1 s is larger than step_max"),
+    (["probes.p=[1.0, 2.0]"], "probes.p: the name of a landmark or three numbers"),
+    (["output.every=1e-9"], "output.every: input should be greater than or equal to 0.0001"),
     (["boundary.fixed=['maxilla']"], "the mesh has no surface 'maxilla'; it has free, hyoid, mandible"),
     (["units='cm'"], "units: input should be 'm' or 'mm' (given: 'cm')"),
     (["muscles.force_velocity='fast'"], "'fast' is not one of grenoble, hill, none"),
     (["muscles.sigma_max={GGP=-1.0}"], "muscles.sigma_max.GGP: input should be greater than or equal to 0"),
-    (["time.end=0"], "time.end: input should be greater than 0"),
+    (["time.end=0"], "time.end: input should be greater than or equal to"),
     (["probes.tip='nose'"], "no landmark 'nose' in the mesh; it has dorsum, edge_left"),
     (["mesh.parametric='coarse'"], "exactly one of file, parametric and subject is expected"),
     (["nonsense"], "--set nonsense: key=value is expected"),
@@ -85,8 +92,8 @@ def test_missing_and_broken_files(tmp_path: Path, capsys: pytest.CaptureFixture[
     uses = tmp_path / "uses.toml"
     uses.write_text(SCENARIO.replace("tongue.msh", "text.msh"))
     for arguments, message in [
-        (["check", tmp_path / "none.toml"], "the scenario does not exist"),
-        (["check", broken], "not valid TOML"),
+        (["check", tmp_path / "none.toml"], "none.toml: the file does not exist; a scenario in TOML is expected"),
+        (["check", broken], "broken.toml: cannot be read"),
         (["check", uses], "text.msh"),
         (["check", uses, "--fast"], "No such option: --fast"),
         (["build", "--preset", "huge"], "'huge' is not one of coarse, medium, reference"),
@@ -137,6 +144,52 @@ def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFix
     code, text = tongue(capsys, "run", scenario, "-o", tmp_path / "new", "--resume")
     assert code == 2
     assert "nothing to resume" in text
+
+
+def test_bad_input_leaves_a_finished_run_alone(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whatever is refused, with or without --resume, not one byte of the run folder changes."""
+    folder = tmp_path / "run"
+    assert tongue(capsys, "run", scenario, "-o", folder)[0] == 0
+
+    def content() -> dict[str, bytes]:
+        return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+    before = content()
+    parametric = tmp_path / "parametric.toml"
+    parametric.write_text(SCENARIO.replace('file = "tongue.msh"', 'parametric = "coarse"'))
+    for arguments in (
+        [scenario, "--set", "boundary.fixed=[]"],
+        [scenario, "--set", "tissue.nu=0.4", "--resume"],
+        [parametric, "--set", "activation.X.pieces=[[1, 0, 1]]"],
+    ):
+        code, text = tongue(capsys, "run", "-o", folder, *arguments)
+        assert code == 2, text
+        assert content() == before
+    for name, damage in (("checkpoint.h5", b"garbage"), ("history.h5", b""), ("fields.h5", before["fields.h5"][:500])):
+        (folder / name).write_bytes(damage)
+        code, text = tongue(capsys, "run", scenario, "-o", folder, "--resume")
+        assert (code, f"{name}: cannot be read" in text) == (2, True), text
+        assert content() == before | {name: damage}
+        (folder / name).write_bytes(before[name])
+
+
+def test_damaged_fibre_file(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Garbage, NaN weights or another mesh in the .h5 beside the mesh is said, not computed with."""
+    import shutil
+
+    import h5py
+
+    for suffix in (".msh", ".h5"):
+        shutil.copy(tongue_file.with_suffix(suffix), tmp_path)
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO)
+    with h5py.File(tmp_path / "tongue.h5", "r+") as file:
+        file["muscles/GGP_L/weight"][0] = float("nan")
+    code, text = tongue(capsys, "check", path)
+    assert (code, "tongue.h5: cannot be read (muscles/GGP_L is damaged)" in text) == (2, True), text
+    (tmp_path / "tongue.h5").write_bytes(b"garbage")
+    code, text = tongue(capsys, "check", path)
+    assert (code, "tongue.h5: cannot be read" in text) == (2, True), text
 
 
 def test_units_and_dump(scenario: Path) -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 
 from mpi4py import MPI
@@ -12,12 +14,16 @@ from .activation import Activation
 from .active import Contraction
 from .anatomy import Anatomy
 from .model import Model, Rayleigh
+from .muscles import resolve
 from .parametric import parametric_tongue
 from .scenario import MeshSection, Scenario
 from .simulation import Simulation, Stepping
 from .solver import Tolerances
 from .subject import read_subject
 from .tonguemesh import TongueMesh, on_rank_zero
+
+MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
+"""What a run folder keeps of a mesh that was built for it."""
 
 
 def anatomy_of(source: MeshSection) -> Anatomy:
@@ -30,23 +36,11 @@ def size_of(source: MeshSection) -> float:
     return source.size or meshing.PRESETS[source.parametric or "coarse"]
 
 
-def mesh_of(source: MeshSection, workspace: Path, keep: bool = False) -> TongueMesh:
-    """Read the mesh, or build it into ``workspace/mesh.msh`` (unless `keep` and it is there)."""
-    comm = MPI.COMM_WORLD
-    if source.file is not None:
-        return TongueMesh.read(Path(source.file), comm)
-    path = workspace / "mesh.msh"
-
-    def build() -> None:
-        if not (keep and path.is_file()):
-            meshing.build(anatomy_of(source), path, size_of(source))
-
-    on_rank_zero(comm, build)
-    return TongueMesh.read(path, comm)
-
-
 def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) -> Simulation:
     """The simulation that a scenario describes.
+
+    A mesh that has to be built is built in a folder of its own and moved to `workspace` when everything fits, so that bad
+    input costs nothing that is there; with `keep_mesh` the one in `workspace` is taken again.
 
     Raises
     ------
@@ -54,8 +48,28 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) 
         If the scenario does not fit its mesh.
     """
     s = scenario.in_metres()
+    comm = MPI.COMM_WORLD
+    if s.mesh.file is not None:
+        return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm))
+    kept = workspace / MESH_FILES[0]
+    if keep_mesh and comm.bcast(kept.is_file()):
+        return _simulation(s, TongueMesh.read(kept, comm))
+    anatomy = on_rank_zero(comm, lambda: anatomy_of(s.mesh))
+    for name in s.activation:  # before the mesh, which takes longer
+        resolve(name, anatomy.muscles, f"activation.{name}")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(comm.bcast(folder)) / MESH_FILES[0]
+        on_rank_zero(comm, lambda: meshing.build(anatomy, path, size_of(s.mesh)))
+        simulation = _simulation(s, TongueMesh.read(path, comm))
+        on_rank_zero(comm, lambda: [shutil.copyfile(path.with_name(name), workspace / name) for name in MESH_FILES])
+    return simulation
+
+
+def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
+    for name in s.muscles.sigma_max:
+        resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
     model = Model(
-        mesh_of(s.mesh, workspace, keep_mesh),
+        tongue,
         passive=s.law(),
         contraction=Contraction(s.muscles.force_velocity, s.muscles.optimal_stretch, s.muscles.tendon_length),
         damping=Rayleigh(s.tissue_value("rayleigh_alpha"), s.tissue_value("rayleigh_beta")),
@@ -66,10 +80,11 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) 
         gravity_rise=s.gravity.rise,
     )
     step_max = s.time.step or s.time.step_max
+    step_min = min(1e-5, step_max) if s.time.step_min is None else s.time.step_min
     return Simulation(
         model,
         {name: Activation(section.pieces) for name, section in s.activation.items()},
         s.probes,
-        Stepping(step_max, min(s.time.step_min, step_max), s.time.spectral_radius, s.output.every),
+        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every),
         Tolerances(s.solver.rtol, s.solver.atol, s.solver.linear, s.solver.max_newton),
     )

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from .errors import InputError, SolveError
+from .errors import InputError, SolveError, check_outputs
 
 if TYPE_CHECKING:
     from .simulation import Progress as StepReport
@@ -47,17 +47,23 @@ def build(
     size: Annotated[float | None, typer.Option(metavar="MM", help="Element size in mm instead of a preset.")] = None,
 ) -> None:
     """Mesh the parametric tongue or a real subject."""
+    from mpi4py import MPI
+
     from . import assemble, meshing
     from .scenario import MeshSection
+    from .tonguemesh import on_rank_zero
 
     if preset is not None and size is not None:
         raise InputError("--preset and --size: give one of them.")
-    preset = preset or "coarse"
+    preset = "coarse" if preset is None else preset
     if preset not in meshing.PRESETS:
         raise InputError(f"--preset: {preset!r} is not one of {', '.join(meshing.PRESETS)}.")
     source = MeshSection(parametric=preset) if subject is None else MeshSection(subject=str(subject))
-    figures = meshing.build(assemble.anatomy_of(source), output, meshing.PRESETS[preset] if size is None else 1e-3 * size)
-    _show_mesh(figures, output)
+    element = meshing.PRESETS[preset] if size is None else 1e-3 * size
+    comm = MPI.COMM_WORLD
+    figures = on_rank_zero(comm, lambda: meshing.build(assemble.anatomy_of(source), output, element))
+    if comm.rank == 0:
+        _show_mesh(figures, output)
 
 
 def _show_mesh(figures: dict[str, Any], path: Path) -> None:
@@ -88,18 +94,15 @@ def run(
     from mpi4py import MPI
 
     from . import assemble
-    from .meshing import check_writable
     from .scenario import dump, load
     from .tonguemesh import on_rank_zero
 
     comm = MPI.COMM_WORLD
     loaded = load(scenario, changes)
-    on_rank_zero(comm, lambda: check_writable(output))
+    on_rank_zero(comm, lambda: check_outputs(output, assemble.MESH_FILES))
     simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
-    if comm.rank == 0:
-        (output / "scenario.toml").write_text(dump(loaded.in_metres()), encoding="utf-8")
     with _Bar(comm.rank == 0) as bar:
-        result = simulation.run(loaded.time.end, output, resume, bar)
+        result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded.in_metres()))
     if comm.rank == 0:
         pictures = result.plot()
         s = result.summary
@@ -215,7 +218,7 @@ def _exit_code(command: Callable[[], Any]) -> int:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("[", "\\[")
+    return " ".join(text.split()).replace("[", "\\[")
 
 
 def _rank() -> int:

@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The two ways a command can fail: the user's input, or the solve."""
+"""The two ways a command can fail, and how trouble with files becomes one of them."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class InputError(ValueError):
@@ -8,3 +16,65 @@ class InputError(ValueError):
 
 class SolveError(RuntimeError):
     """The nonlinear solve gave up at the smallest step; the last good state is saved."""
+
+
+@contextmanager
+def reading(path: Path, expected: str) -> Iterator[None]:
+    """Say in one sentence that a file is missing, unreadable or damaged, whatever the library that reads it raises.
+
+    Raises
+    ------
+    InputError
+        If the file does not exist or what is inside the ``with`` block fails.
+    """
+    try:
+        if not path.is_file():
+            found = "is a folder" if path.is_dir() else "does not exist"
+            raise InputError(f"{path}: the file {found}; {expected} is expected.")
+        yield
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path}: cannot be read ({reason[:200]}); {expected} is expected.") from error
+
+
+def check_outputs(folder: Path, names: Iterable[str] = ()) -> None:
+    """Make a folder and make sure that files of these names can be written in it; nothing that is there changes.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written, or something that is not a writable file has one of the names.
+    """
+    probe = folder / ".tongue-write-test"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); give a folder that you may write to.") from error
+    for path in (folder / name for name in names):
+        try:
+            blocked = path.exists() and not (path.is_file() and os.access(path, os.W_OK))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
+        if blocked:
+            raise InputError(f"{path}: is in the way; a file that may be written is expected there.")
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep C libraries and their logging off the terminal; what matters is checked and said afterwards."""
+    kept = os.dup(2)
+    sink = os.open(os.devnull, os.O_WRONLY)
+    level = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    os.dup2(sink, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(sink)
+        logging.disable(level)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -28,7 +29,7 @@ from scipy.spatial import cKDTree
 
 from . import muscles as muscle_facts
 from .anatomy import Anatomy, measure
-from .errors import InputError
+from .errors import InputError, check_outputs
 from .fibres import Floats
 from .surface import Surface
 
@@ -133,14 +134,16 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
         raise InputError(f"size: {1e3 * size:g} mm is out of range; 1 to 20 mm is accepted.")
     if path.suffix != ".msh":
         raise InputError(f"{path}: the mesh file must end in .msh.")
-    check_writable(path.parent)
+    files = [path, path.with_suffix(".h5"), path.with_suffix(".json")]
+    check_outputs(path.parent, [file.name for file in files])
     mesh = tetrahedralise(anatomy, size)
     fields = project_muscles(anatomy, mesh)
     shape = measure(anatomy.surface, anatomy.genial_spine)
     surface_nodes = mesh.points[np.unique(mesh.facets)]
     landmarks = {name: surface_nodes[np.argmin(((surface_nodes - p) ** 2).sum(axis=1))] for name, p in shape.landmarks.items()}
-    owned, quality = _write_msh(mesh, fields, path)
-    _write_h5(anatomy, mesh, fields, landmarks, path.with_suffix(".h5"))
+    partial = [file.with_name(f".partial-{file.name}") for file in files]
+    owned, quality = _write_msh(mesh, fields, partial[0])
+    _write_h5(anatomy, mesh, fields, landmarks, partial[1])
     figures = {
         "name": anatomy.name,
         "origin_m": anatomy.genial_spine.tolist(),
@@ -164,25 +167,10 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
         "landmarks": {name: p.tolist() for name, p in landmarks.items()},
         "notes": anatomy.notes,
     }
-    path.with_suffix(".json").write_text(json.dumps(figures, indent=2) + "\n")
+    partial[2].write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    for written, file in zip(partial, files, strict=True):
+        os.replace(written, file)
     return figures
-
-
-def check_writable(folder: Path) -> None:
-    """Make a folder, or say that it cannot be written.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made or written.
-    """
-    probe = folder / ".tongue-write-test"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}); give a folder that you may write to.") from error
 
 
 def _pcsa(name: str) -> float | None:

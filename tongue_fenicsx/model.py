@@ -90,7 +90,10 @@ class Model:
             raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
         for name in self.fixed:
             if name not in self.tongue.surfaces:
-                raise InputError(f"fixed: the mesh has no surface {name!r}; it has {', '.join(sorted(self.tongue.surfaces))}.")
+                raise InputError(f"boundary.fixed: the mesh has no surface {name!r}; it has {', '.join(sorted(self.tongue.surfaces))}.")
+        if self.tongue.comm.allreduce(len(self.tongue.facets(list(self.fixed)))) == 0:
+            known = ", ".join(sorted(self.tongue.surfaces))
+            raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
         for name, value in self.sigma_max.items():
             if not value >= 0:
                 raise InputError(f"sigma_max: {name} has {value} Pa; zero or a positive stress is expected.")
@@ -150,11 +153,6 @@ class WeakForm:
         facets = tongue.facets(list(model.fixed))
         dofs = fem.locate_dofs_topological(self.V, 2, facets)
         self.bcs = [fem.dirichletbc(np.zeros(3, dtype=default_scalar_type), dofs, self.V)]
-        n_fixed = mesh.comm.allreduce(len(dofs))
-        if n_fixed == 0:
-            raise InputError(
-                f"fixed: no facet of the mesh is tagged {' or '.join(model.fixed) or '(nothing)'}; the tongue would float away."
-            )
 
     def _constant(self, value: float) -> fem.Constant:
         return fem.Constant(self.V.mesh, default_scalar_type(value))

@@ -20,7 +20,7 @@ from scipy.special import beta
 
 from .anatomy import Anatomy, Muscle
 from .fibres import Bools, FibreBundle, Floats
-from .surface import Surface
+from .surface import LABEL, Surface
 
 MM = 1e-3
 
@@ -138,7 +138,7 @@ def _attachment(centroids: Floats) -> np.ndarray:
     line = np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10])
     mylohyoid = (x < 25.0) & (abs(z - line) < 3.5) & (y > 4.0)
     hyoid = (x > 30.5) & (z < np.interp(x, [30, 37, 50], [-10.5, -8.5, -7.0])) & (y < 22.5)
-    return np.select([symphysis | mylohyoid, hyoid], ["mandible", "hyoid"], "free").astype("<U16")
+    return np.select([symphysis | mylohyoid, hyoid], ["mandible", "hyoid"], "free").astype(LABEL)
 
 
 # Muscles of the right side, in mm. Each yields the fibres and the radius around them that the muscle fills.

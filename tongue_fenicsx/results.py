@@ -20,7 +20,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from .errors import InputError
+from .errors import InputError, reading
 from .fibres import Floats
 from .measures import ENERGIES, Balance
 from .timestep import State
@@ -104,6 +104,13 @@ def _canonical(of_cell: Ints, vertices: Ints, n_nodes: int) -> Ints:
     _, order = np.unique(pairs, axis=0, return_inverse=True)
     number[of_cell[:, 4:].ravel()] = len(kept) + order.reshape(-1)
     return number
+
+
+RUN_FILES = [
+    "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5",
+    *(f"figures/{name}" for name in ("midsagittal.png", "midsagittal.pdf", "view3d.png", "trajectories.png", "trajectories.pdf")),
+]  # fmt: skip
+"""What a run folder holds."""
 
 
 class RunWriter:
@@ -226,10 +233,9 @@ class RunWriter:
         return State(stored["t"], stored["h"], **arrays), Balance(**stored["balance"]), stored["counters"]
 
     def _load_checkpoint(self, identity: str) -> dict[str, Any]:
+        expected = "there is nothing to resume, so run without --resume; a whole run folder"
         path = self.folder / "checkpoint.h5"
-        if not path.is_file():
-            raise InputError(f"{path}: the file does not exist, so there is nothing to resume; run without --resume.")
-        with h5py.File(path, "r") as file:
+        with reading(path, expected), h5py.File(path, "r") as file:
             if file.attrs["identity"] != identity:
                 raise InputError(f"{path}: was saved by another scenario or mesh; run without --resume or in another folder.")
             stored = {
@@ -241,12 +247,22 @@ class RunWriter:
                 "fields": {name: file[name][:] for name in ("u", "v", "acceleration", "auxiliary")},
             }
             n_rows = int(file.attrs["rows"])
-        with h5py.File(self.folder / "history.h5", "r") as file:
+            assert self.numbering.points is not None
+            for name, values in stored["fields"].items():
+                if values.shape != self.numbering.points.shape or not np.isfinite(values).all():
+                    raise ValueError(f"{name} is damaged")
+            if not np.isfinite([stored["t"], stored["h"]]).all() or not stored["balance"] or not stored["counters"]:
+                raise ValueError("it is not complete")
+        path = self.folder / "history.h5"
+        with reading(path, expected), h5py.File(path, "r") as file:
             columns = {name: file[f"energy/{name}"][:n_rows] for name in ENERGIES}
             columns |= {"t": file["time"][:n_rows], "volume_ratio": file["volume_ratio"][:n_rows]}
             probes = file["probes"][:, :n_rows].transpose(1, 0, 2)
         stored["rows"] = [{name: float(column[i]) for name, column in columns.items()} | {"probes": probes[i]} for i in range(n_rows)]
-        with h5py.File(self.folder / "fields.h5", "a") as file:
+        path = self.folder / "fields.h5"
+        with reading(path, expected), h5py.File(path, "r+") as file:
+            if len(file["mesh/points"]) != len(self.numbering.points):
+                raise ValueError("it holds another mesh")
             for group in file.values():
                 for name in [n for n in group if n.isdigit() and int(n) >= len(stored["times"])]:
                     del group[name]

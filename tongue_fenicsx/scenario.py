@@ -15,12 +15,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from . import muscles, passive
 from .activation import Activation
 from .active import FORCE_VELOCITY
-from .errors import InputError
+from .errors import InputError, reading
 from .meshing import PRESETS
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Number = Annotated[float, Field(strict=True)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(strict=True, ge=1e-6, le=100)]
+"""Times that make sense for a tongue, so that no run is endless by a slip."""
 
 TISSUES: dict[str, dict[str, float]] = {
     "calka": {"density": 1000.0, "rayleigh_alpha": 20.0, "rayleigh_beta": 0.0},
@@ -67,7 +70,7 @@ class TissueSection(Section):
     preset: str = "calka"
     c10: Positive | None = None
     c20: NotNegative | None = None
-    nu: Annotated[float, Field(gt=-1, lt=0.5)] | None = None
+    nu: Annotated[float, Field(strict=True, gt=-1, lt=0.5)] | None = None
     volumetric: str = "quadratic"
     density: Positive | None = None
     rayleigh_alpha: NotNegative | None = None
@@ -92,7 +95,7 @@ class MuscleSection(Section):
     """The active law; ``sigma_max`` (Pa, by muscle) replaces values of the tissue's table."""
 
     force_velocity: str = "grenoble"
-    optimal_stretch: Annotated[float, Field(ge=0.5, le=2)] = 1.0
+    optimal_stretch: Annotated[float, Field(strict=True, ge=0.5, le=2)] = 1.0
     tendon_length: NotNegative = 6e-3
     sigma_max: dict[str, NotNegative] = {}
 
@@ -120,32 +123,32 @@ class GravitySection(Section):
 class TimeSection(Section):
     """Time in s."""
 
-    end: Positive
-    step: Positive | None = None
-    step_max: Positive = 5e-3
-    step_min: Positive = 1e-5
-    spectral_radius: Annotated[float, Field(ge=0, le=1)] = 0.8
+    end: Seconds
+    step: Seconds | None = None
+    step_max: Seconds = 5e-3
+    step_min: Seconds | None = None
+    spectral_radius: Annotated[float, Field(strict=True, ge=0, le=1)] = 0.8
 
 
 class OutputSection(Section):
     """Time in s between stored fields."""
 
-    every: Positive = 0.01
+    every: Annotated[float, Field(strict=True, ge=1e-4, le=100)] = 0.01
 
 
 class SolverSection(Section):
     """Accuracy of each step: residual over that of the first guess, residual in N, and the linear solves."""
 
-    rtol: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    rtol: Annotated[float, Field(strict=True, gt=0, lt=1)] = 1e-4
     atol: Positive = 1e-9
-    linear: Annotated[float, Field(gt=0, lt=1)] = 1e-3
-    max_newton: Annotated[int, Field(ge=1)] = 15
+    linear: Annotated[float, Field(strict=True, gt=0, lt=1)] = 1e-3
+    max_newton: Annotated[int, Field(strict=True, ge=1, le=1000)] = 15
 
 
 class ActivationSection(Section):
     """Pieces of duration in s, start level and target level."""
 
-    pieces: list[tuple[float, float, float]]
+    pieces: list[tuple[Seconds, Number, Number]]
 
     @field_validator("pieces")
     @classmethod
@@ -212,12 +215,8 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
     InputError
         If the file is missing or not TOML, or a key or value is not accepted.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: the scenario does not exist; a TOML file is expected.")
-    try:
+    with reading(path, "a scenario in TOML"):
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid TOML: {error}.") from error
     for change in changes or []:
         _change(data, change)
     source = data.get("mesh")
@@ -237,7 +236,7 @@ def _change(data: dict[str, Any], change: str) -> None:
         raise InputError(f"--set {change}: key=value is expected, such as tissue.nu=0.499.")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # a bare word is a string
         value = text
     *parents, last = key.split(".")
     table = data
@@ -259,7 +258,13 @@ def explain(error: ValidationError) -> str:
         hint = f"did you mean {near[0]!r}? " if near else ""
         return f"unknown key {key!r}; {hint}Known here: {', '.join(known)}."
     if first["type"] == "missing":
+        if isinstance(where[-1], int):
+            return f"{'.'.join(map(str, where[:-1]))}: more numbers are expected (given: {first.get('input')!r})."
         return f"the key {key!r} is missing."
+    if first["type"] in ("model_type", "dict_type"):
+        return f"{key}: a table is expected (given: {first.get('input')!r})."
+    if where[0] == "probes" and len(where) > 1:
+        return f"{'.'.join(map(str, where[:2]))}: the name of a landmark or three numbers [x, y, z] are expected."
     message = first["msg"].removeprefix("Value error, ")
     given = first.get("input")
     shown = f" (given: {given!r})" if isinstance(given, str | float | int) and not isinstance(given, bool) else ""
@@ -286,14 +291,18 @@ def dump(scenario: Scenario) -> str:
 
 def _toml(table: Mapping[str, Any], prefix: str = "") -> str:
     plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
-    text = "".join(f"{key} = {_value(value)}\n" for key, value in plain.items())
+    text = "".join(f"{_key(key)} = {_value(value)}\n" for key, value in plain.items())
     for key, value in table.items():
         if isinstance(value, dict) and value:
-            name = f"{prefix}{key}"
+            name = f"{prefix}{_key(key)}"
             inner = _toml(value, f"{name}.")
             header = "" if all(isinstance(v, dict) for v in value.values()) else f"\n[{name}]\n"
             text += header + inner
     return text
+
+
+def _key(key: str) -> str:
+    return key if key.isascii() and key.replace("_", "").isalnum() else _value(key)
 
 
 def _value(value: Any) -> str:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import ufl
@@ -25,13 +25,12 @@ from petsc4py import PETSc
 
 from . import __version__, jit
 from .activation import Activation
-from .errors import InputError, SolveError
+from .errors import InputError, SolveError, check_outputs
 from .fibres import Floats
 from .measures import ENERGIES, Measures
-from .meshing import check_writable
 from .model import Model
 from .muscles import peak_stress, resolve
-from .results import Run, RunWriter
+from .results import RUN_FILES, Run, RunWriter
 from .solver import Newton, Tolerances
 from .timestep import GeneralizedAlpha, State
 from .tonguemesh import TongueMesh, on_rank_zero
@@ -120,7 +119,7 @@ class Simulation:
                 self.activation[name] = course
         self.probes = Probes(tongue, probes if probes is not None else {name: name for name in tongue.landmarks})
 
-    def run(self, t_end: float, output: str | Path, resume: bool = False, report: Report | None = None) -> Run:
+    def run(self, t_end: float, output: str | Path, resume: bool = False, report: Report | None = None, scenario: str | None = None) -> Run:
         """Simulate from rest to `t_end` seconds and write the run folder.
 
         Parameters
@@ -133,6 +132,8 @@ class Simulation:
             Go on from the folder's checkpoint.
         report : callable, optional
             Called after each step, on rank 0.
+        scenario : str, optional
+            Text of the folder's ``scenario.toml``.
 
         Raises
         ------
@@ -145,10 +146,11 @@ class Simulation:
             raise InputError(f"t_end: {t_end}; a positive number of seconds is expected.")
         comm = self.model.tongue.comm
         folder = Path(output)
-        on_rank_zero(comm, lambda: check_writable(folder / "figures"))
+        on_rank_zero(comm, lambda: check_outputs(folder / "figures"))
+        on_rank_zero(comm, lambda: check_outputs(folder, RUN_FILES))
         loop = _Loop(self, folder, t_end, resume, report)
         try:
-            loop.prepare()
+            loop.prepare(scenario)
             loop.go()
         finally:
             loop.close()
@@ -224,7 +226,7 @@ class _Loop:
         self.simulation, self.folder, self.t_end, self.resume, self.report = simulation, folder, t_end, resume, report
         self.model, self.stepping = simulation.model, simulation.stepping
         self.comm = self.model.tongue.comm
-        self._log = open(folder / "log.txt", "a" if resume else "w", encoding="utf-8") if self.comm.rank == 0 else None  # noqa: SIM115
+        self._log: TextIO | None = None
         self._solver: Newton | None = None
         self._clock = time.perf_counter()
         self.counters: dict[str, Any] = {
@@ -248,8 +250,8 @@ class _Loop:
 
     # -- before the first step
 
-    def prepare(self) -> None:
-        """Compile the forms, and begin at rest or at the checkpoint."""
+    def prepare(self, scenario: str | None) -> None:
+        """Compile the forms, and begin at rest or at the checkpoint; nothing is written before all has been read."""
         self.weak = self.model.weak_form(list(self.simulation.activation))
         weak = self.weak
         self.scheme = GeneralizedAlpha(weak.u, self.stepping.spectral_radius)
@@ -260,9 +262,14 @@ class _Loop:
         self.velocity = fem.Function(weak.V, name="velocity")
         self.measures = Measures(weak, self.velocity)
         self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.names)
+        checkpoint = self.writer.read_checkpoint(self._identity()) if self.resume else None
+        if self.comm.rank == 0:
+            self._log = open(self.folder / "log.txt", "a" if self.resume else "w", encoding="utf-8")  # noqa: SIM115
+            if scenario is not None:
+                (self.folder / "scenario.toml").write_text(scenario, encoding="utf-8")
         self.say(f"{self.model.tongue.name}: {self._solver.n_unknowns} unknowns on {self.comm.size} rank(s)")
-        if self.resume:
-            state, balance, counters = self.writer.read_checkpoint(self._identity())
+        if checkpoint is not None:
+            state, balance, counters = checkpoint
             self.counters |= counters
             self.scheme.restore(state)
             self._set_time(state.t)

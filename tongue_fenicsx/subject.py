@@ -15,6 +15,7 @@ tongue_hex.vtu        optional: volume mesh with one 0/1 cell array per muscle, 
 from __future__ import annotations
 
 import json
+import re
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from .anatomy import Anatomy, Muscle
-from .errors import InputError
+from .errors import InputError, quiet, reading
 from .fibres import Bools, FibreBundle, Floats
 from .surface import Surface, closed, read_surface
 
@@ -44,7 +45,13 @@ class CellSets:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.grid = pv.read(path)
+        with reading(path, "a volume mesh in VTU"), quiet():
+            self.grid = pv.read(path)
+            if self.grid.n_cells == 0:
+                raise ValueError("it holds no cells")
+            for name, values in self.grid.cell_data.items():
+                if values.ndim != 1 or not np.isin(values, (0, 1)).all():
+                    raise ValueError(f"the cell array {name!r} is not made of 0 and 1")
         self.names = [name for name in self.grid.cell_data if name]
         self._points: Floats | None = None
         self._cells: NDArray[np.int64] = np.empty(0, dtype=np.int64)
@@ -94,7 +101,7 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
     hex_path = folder / "tongue_hex.vtu"
     cell_sets = CellSets(hex_path) if hex_path.is_file() else None
     surface = _bond(surface, folder / "attachments.json", cell_sets)
-    muscles, how = _muscles(folder / "fibres.json", cell_sets, radius)
+    muscles, how = _muscles(folder / "fibres.json", surface, cell_sets, radius)
     starts = [np.mean([line[0] for line in m.fibres.lines], axis=0) for m in muscles.values() if m.name.startswith("GG")]
     spine = np.mean(starts, axis=0) * (1, 0, 1) if starts else np.zeros(3)
     bones = {p.stem: read_surface(p) for p in surfaces if p not in tongue}
@@ -103,14 +110,13 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
 
 
 def _read_json(path: Path, expected: str) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputError(f"{path}: the file does not exist; {expected} is expected.")
-    try:
-        data = json.loads(path.read_text())
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: not valid JSON ({error}); {expected} is expected.") from error
-    if not isinstance(data, dict):
+    with reading(path, expected):
+        data = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(data, dict) or not data:
         raise InputError(f"{path}: {expected} is expected.")
+    for name in data:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,15}(_[A-Za-z]+)*", name) or name == "free":
+            raise InputError(f"{path}: {name!r} is not accepted as a name; letters and digits are, with _L or _R for a side.")
     return data
 
 
@@ -122,7 +128,10 @@ def _bond(surface: Surface, path: Path, cell_sets: CellSets | None) -> Surface:
     for bone, nodes in data.items():
         if bone.endswith("_m"):  # anchors outside the tongue
             continue
-        values = np.asarray(nodes)
+        with reading(path, f"{bone!r} as a list of node numbers or of [x, y, z] in m"):
+            values = np.asarray(nodes)
+            if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+                raise ValueError("something is not a finite number")
         if values.dtype.kind in "iu" and values.ndim == 1:
             if cell_sets is None:
                 raise InputError(f"{path}: {bone!r} holds node numbers, but there is no tongue_hex.vtu that they refer to.")
@@ -142,23 +151,32 @@ def _bond(surface: Surface, path: Path, cell_sets: CellSets | None) -> Surface:
         if not bonded.any():
             raise InputError(f"{path}: {bone!r} spans no triangle of the surface; list all the nodes of the bonded patch.")
         labels[bonded] = bone
+    if (labels == "free").all():
+        raise InputError(f"{path}: nothing is bonded; list the nodes bonded to the mandible and to the hyoid.")
     return Surface(surface.points, surface.triangles, labels)
 
 
-def _muscles(path: Path, cell_sets: CellSets | None, radius: float) -> tuple[dict[str, Muscle], str]:
+def _muscles(path: Path, surface: Surface, cell_sets: CellSets | None, radius: float) -> tuple[dict[str, Muscle], str]:
     data = _read_json(path, 'an object {"GGP_L": [[[x, y, z], …], …], …}')
     muscles, by_radius = {}, []
     for bundle, polylines in data.items():
-        try:
-            lines = [np.asarray(line, dtype=float).reshape(-1, 3) for line in polylines]
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{path}: {bundle!r} must be a list of polylines of [x, y, z] in m ({error}).") from error
+        with reading(path, f"{bundle!r} as a list of polylines of [x, y, z] in m"):
+            lines = [np.asarray(line, dtype=float) for line in polylines]
+            if not all(line.ndim == 2 and line.shape[1] == 3 and np.isfinite(line).all() for line in lines):
+                raise ValueError("a point is not three finite numbers")
         lines = [line[np.r_[True, np.any(np.diff(line, axis=0) != 0, axis=1)]] for line in lines]
         lines = [line for line in lines if len(line) > 1]
-        if not lines or not all(np.isfinite(line).all() for line in lines):
-            raise InputError(f"{path}: {bundle!r} has no polyline of two or more finite points.")
+        if not lines:
+            raise InputError(f"{path}: {bundle!r} has no polyline of two or more points.")
+        away = np.linalg.norm(np.vstack(lines) - surface.points.mean(axis=0), axis=1).min()
+        if away > np.ptp(surface.points, axis=0).max():
+            raise InputError(
+                f"{path}: {bundle!r} lies {1e3 * away:.0f} mm from the tongue; coordinates in m, like the surface's, are expected."
+            )
         base, _, side = bundle.partition("_")
         name = "_".join(filter(None, (SYNONYMS.get(base, base), side)))
+        if name in muscles:
+            raise InputError(f"{path}: {bundle!r} is {name} a second time; STY is another name of SG.")
         fibres = FibreBundle(lines, smoothing=5e-3)
         if cell_sets is not None and bundle in cell_sets.names:
             muscles[name] = Muscle(name, fibres, partial(cell_sets.region, bundle))

@@ -11,8 +11,9 @@ import pymeshfix
 import pyvista as pv
 from numpy.typing import NDArray
 
-from .errors import InputError
+from .errors import InputError, quiet, reading
 
+LABEL = "<U32"
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -33,11 +34,11 @@ class Surface:
 
     points: Floats
     triangles: Ints
-    labels: NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype="<U16"))
+    labels: NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=LABEL))
 
     def __post_init__(self) -> None:
         if len(self.labels) == 0:
-            object.__setattr__(self, "labels", np.full(len(self.triangles), "free", dtype="<U16"))
+            object.__setattr__(self, "labels", np.full(len(self.triangles), "free", dtype=LABEL))
 
     @property
     def volume(self) -> float:
@@ -73,12 +74,10 @@ def read_surface(path: Path) -> Surface:
     InputError
         If the file is missing, unreadable or holds no triangles.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: the file does not exist; a surface in STL, OBJ, PLY or VTP is expected.")
-    try:
+    with reading(path, "a surface in STL, OBJ, PLY or VTP"), quiet():
         mesh = pv.read(path).extract_surface(algorithm=None).triangulate().clean()
-    except (OSError, ValueError, AttributeError) as error:
-        raise InputError(f"{path}: cannot be read as a surface (STL, OBJ, PLY or VTP): {error}") from error
+    if not np.isfinite(mesh.points).all():
+        raise InputError(f"{path}: a coordinate is not a finite number.")
     if mesh.n_cells == 0:
         raise InputError(f"{path}: holds no triangles; a surface in STL, OBJ, PLY or VTP is expected.")
     return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
@@ -109,7 +108,8 @@ def closed(surface: Surface, source: Path) -> tuple[Surface, str | None]:
     note = None
     if np.any(sharing > 2):
         before, n_before = abs(surface.volume), len(surface.points)
-        vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))
+        with quiet():
+            vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))
         surface = Surface(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64))
         change = abs(abs(surface.volume) / before - 1)
         if np.any(surface.edge_sharing() != 2) or change > 0.01:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from . import meshing
 from .anatomy import Anatomy
-from .errors import InputError
+from .errors import InputError, reading
 from .fibres import Floats
 
 Ints = NDArray[np.int32]
@@ -152,21 +152,26 @@ def on_rank_zero(comm: MPI.Intracomm, action: Any) -> Any:
 
 def _open_checked(path: Path) -> None:
     """Open a mesh in Gmsh and make sure that DOLFINx can read it; it cannot report such errors itself."""
-    if not path.is_file():
-        raise InputError(f"{path}: the mesh file does not exist; a Gmsh .msh file is expected (tongue build writes one).")
-    try:
-        gmsh.open(str(path))
-    except Exception as error:  # the gmsh module raises plain Exception
-        raise InputError(f"{path}: Gmsh cannot read it as a mesh: {error}") from error
+    with reading(path, "a Gmsh .msh file (tongue build writes one)"):
+        try:
+            gmsh.open(str(path))
+        except Exception as error:  # the gmsh module raises plain Exception
+            raise ValueError(str(error) or "it is no mesh of Gmsh") from error
     model = gmsh.model
+    model.mesh.renumberNodes()
     types, tags, _ = model.mesh.getElements(3)
     if list(types) != [4]:
-        raise InputError(f"{path}: linear tetrahedra only are expected in the volume; found element types {list(types)} of Gmsh.")
+        found = ", ".join(model.mesh.getElementProperties(t)[0] for t in types) or "no volume elements"
+        raise InputError(f"{path}: linear tetrahedra only are expected in the volume; found {found}.")
+    coordinates = model.mesh.getNodes()[1].reshape(-1, 3)
+    size = np.ptp(coordinates, axis=0).max()
+    if not 1e-3 <= size <= 1.0:  # also catches NaN
+        raise InputError(f"{path}: the mesh is {size:g} m long; 0.001 to 1 m is accepted, so convert its unit to metres.")
     for dim, what in ((3, "volume"), (2, "surface")):
         names = {tag: model.getPhysicalName(dim, tag) for _, tag in model.getPhysicalGroups(dim)}
         unnamed = [tag for tag, name in names.items() if not name]
         if unnamed:
-            raise InputError(f"{path}: physical {what} {unnamed[0]} has no name; every physical {what} needs one.")
+            raise InputError(f"{path}: physical {what} {unnamed[0]} has no name of its own; every physical {what} needs one.")
         owners = Counter(e for _, tag in model.getPhysicalGroups(dim) for e in model.getEntitiesForPhysicalGroup(dim, tag))
         double = [e for e, count in owners.items() if count > 1]
         if double:
@@ -185,15 +190,25 @@ def _open_checked(path: Path) -> None:
 
 
 def _read_h5(path: Path) -> dict[str, Any] | None:
-    if not path.is_file():
+    if not path.exists():
         return None
-    with h5py.File(path, "r") as file:
-        return {
+    with reading(path, "the undamaged fibre file of the mesh (tongue build writes both)"), h5py.File(path, "r") as file:
+        stored = {
             "name": str(file.attrs["name"]),
             "cells": file["cells"][:],
             "muscles": {name: {key: data[:] for key, data in group.items()} for name, group in file.get("muscles", {}).items()},
             "landmarks": {name: data[:] for name, data in file.get("landmarks", {}).items()},
         }
+        if stored["cells"].ndim != 2 or stored["cells"].shape[1] != 4:
+            raise ValueError("cells has the wrong shape")
+        for name, muscle in stored["muscles"].items():
+            cells, nodes, weight, direction = (muscle[key] for key in ("cells", "nodes", "weight", "direction"))
+            fits = len(nodes) == len(weight) == len(direction) and np.array_equal(nodes, np.unique(stored["cells"][cells]))
+            if not fits or cells.min() < 0 or not np.isfinite(weight).all():
+                raise ValueError(f"muscles/{name} is damaged")
+            if not np.allclose(np.linalg.norm(direction, axis=1), 1.0):
+                raise ValueError(f"muscles/{name}/direction is not of unit length")
+        return stored
 
 
 def _match_cells(mesh: dmesh.Mesh, stored: Ints, path: Path) -> NDArray[np.int64]:
