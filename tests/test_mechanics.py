@@ -220,6 +220,18 @@ def test_tendon_zone(block: tf.TongueMesh) -> None:
     np.testing.assert_allclose(factor, [0, 0.5, 1, 1], atol=1e-9)
 
 
+@pytest.mark.parametrize(("stretch", "tension"), [(0.9, 0.0), (1.2, 0.05 * (np.exp(1.32) - 1)), (1.5, 0.05 * (1.66 * np.exp(2.64) - 1))])
+def test_tendon_carries_passive_tension(block: tf.TongueMesh, stretch: float, tension: float) -> None:
+    """At rest, a fibre that is all tendon resists stretch with Blemker's passive tension: exponential, then linear from 1.4."""
+    weak = weak_form(with_fibres(block), ["GGP_L"], sigma_max={"GGP": 2e3})
+    weak.slots.activate({"GGP_L": 0.0})
+    weak.slots.tendons[0].x.array[:] = 2e3
+    F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
+    homogeneous(weak, F)
+    sigma = stress_at_quadrature(weak, weak.active_stress(weak.u, fem.Function(weak.V))) @ F.T
+    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(2e3 * tension * stretch, rel=1e-10, abs=1e-9)
+
+
 def test_bulk_modulus() -> None:
     """The chapter's κ: 19.2 kPa for its tissue."""
     assert bulk_modulus(tf.Yeoh.calka()) == pytest.approx(19.2e3)

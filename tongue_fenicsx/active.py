@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -28,6 +29,14 @@ def force_length(stretch: Expr) -> Expr:
         ufl.conditional(ufl.lt(x, 0.4), 0.0, 9 * (x - 0.4) ** 2),
         ufl.conditional(ufl.lt(x, 1.4), 1 - 4 * (1 - x) ** 2, ufl.conditional(ufl.lt(x, 1.6), 9 * (x - 1.6) ** 2, 0.0)),
     )
+
+
+def passive_tension(stretch: Expr) -> Expr:
+    """Passive fibre tension over σ_max of the normalised stretch λ̂: 0 to λ̂ = 1, exponential to 1.4, then linear (Blemker 2005)."""
+    p1, p2, end = 0.05, 6.6, 1.4
+    slope = p1 * p2 * math.exp(p2 * (end - 1))
+    exponential = p1 * (ufl.exp(p2 * (ufl.min_value(stretch, end) - 1)) - 1)
+    return ufl.conditional(ufl.lt(stretch, 1.0), 0.0, exponential + slope * ufl.max_value(stretch - end, 0.0))
 
 
 def _grenoble(rate: Expr) -> Expr:
@@ -63,7 +72,9 @@ class Contraction:
     optimal_stretch : float
         λ_ofl, the fibre stretch of largest active force.
     tendon_length : float
-        Distance in m from a bonded area over which the active stress rises from 0 to 1.
+        Distance in m from a bonded area over which the active stress rises from 0 to 1; where it fades, the fibres are
+        tendon and carry Blemker's passive tension instead. (Without it the soft matrix alone links muscle and bone: it
+        stretches beyond λ̂ = 1.4, where active fibres lose their force, and snaps.)
     """
 
     force_velocity: str = "grenoble"
@@ -78,8 +89,8 @@ class Contraction:
         if not 0 <= self.tendon_length <= 0.05:
             raise InputError(f"tendon_length: {self.tendon_length} m; 0 to 0.05 m is expected.")
 
-    def stress(self, F: Expr, F_rate: Expr, F_frozen: Expr, direction: Expr, tension: Expr) -> Expr:
-        """First Piola–Kirchhoff stress of one fibre family, T f_L(λ̂) f_V(λ̄̇)/λ_ofl ∂λ̄/∂F.
+    def stress(self, F: Expr, F_rate: Expr, F_frozen: Expr, direction: Expr, tension: Expr, tendon: Expr) -> Expr:
+        """First Piola–Kirchhoff stress of one fibre family, (T f_L(λ̂) f_V(λ̄̇) + T_tendon f_P(λ̂))/λ_ofl ∂λ̄/∂F.
 
         Parameters
         ----------
@@ -92,11 +103,14 @@ class Contraction:
             Unit fibre direction at rest.
         tension : Expr
             Activation times peak stress in Pa.
+        tendon : Expr
+            Peak stress in Pa where the fibres are tendon, 0 elsewhere.
         """
         stretch, gradient = _isochoric_stretch(F, direction)
         rate = ufl.inner(_isochoric_stretch(F_frozen, direction)[1], F_rate)
-        factor = force_length(stretch / self.optimal_stretch) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
-        return tension * factor / self.optimal_stretch * gradient
+        normalised = stretch / self.optimal_stretch
+        active = tension * force_length(normalised) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
+        return (active + tendon * passive_tension(normalised)) / self.optimal_stretch * gradient
 
 
 def _isochoric_stretch(F: Expr, direction: Expr) -> tuple[Expr, Expr]:
@@ -147,6 +161,7 @@ class FibreSlots:
         scalars = fem.functionspace(mesh, basix.ufl.quadrature_element("tetrahedron", value_shape=(), degree=degree))
         self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
         self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
+        self.tendons = [fem.Function(scalars, name=f"tendon_{i}") for i in range(n_slots)]
         self.names = list(muscles)
         self._dofs = scalars.dofmap.list
         self._muscle = np.full((n_slots, n_cells), -1, dtype=np.int64)
@@ -158,14 +173,16 @@ class FibreSlots:
             direction = np.einsum("qv,cvd->cqd", vertex, muscle.direction)
             direction /= np.linalg.norm(direction, axis=2, keepdims=True)
             at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0][muscle.cells]])
-            weight = (muscle.weight @ vertex.T) * fade(at.reshape(-1, 3)).reshape(at.shape[:2])
+            peak = sigma_max[name] * (muscle.weight @ vertex.T)
+            muscular = fade(at.reshape(-1, 3)).reshape(at.shape[:2])
             slot = used[muscle.cells]
             used[muscle.cells] += 1
             self._muscle[slot, muscle.cells] = index
-            self._stress[slot, muscle.cells] = sigma_max[name] * weight
+            self._stress[slot, muscle.cells] = peak * muscular
             for i in range(n_slots):
                 mine = slot == i
                 self.directions[i].x.array.reshape(-1, 3)[self._dofs[muscle.cells[mine]]] = direction[mine]
+                self.tendons[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * (1 - muscular))[mine]
 
     def activate(self, levels: Mapping[str, float]) -> None:
         """Set the activation of each muscle, 0…1."""
@@ -176,7 +193,8 @@ class FibreSlots:
     def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
         """Sum of the first Piola–Kirchhoff stresses of all slots."""
         zero = 0.0 * F
-        return sum((law.stress(F, F_rate, F_frozen, a, T) for a, T in zip(self.directions, self.tensions, strict=True)), zero)
+        slots = zip(self.directions, self.tensions, self.tendons, strict=True)
+        return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
 
 
 def smooth_fade(distance: Floats, length: float) -> NDArray[np.float64]:

@@ -135,9 +135,9 @@ def _attachment(centroids: Floats) -> np.ndarray:
     """Labels of surface triangles (mm): symphysis and mylohyoid line to the mandible, the rear floor to the hyoid."""
     x, y, z = centroids.T
     symphysis = (x < np.where(z < -5.0, 4.0, 2.0)) & (z < 5.0)
-    line = np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10])
-    mylohyoid = (x < 25.0) & (abs(z - line) < 3.5) & (y > 4.0)
-    hyoid = (x > 30.5) & (z < np.interp(x, [30, 37, 50], [-10.5, -8.5, -7.0])) & (y < 22.5)
+    line = np.interp(x, [0, 6, 10, 16, 24], [-9.0, -7.0, -5.5, -2.5, 1.0])
+    mylohyoid = (x < 24.0) & (abs(z - line) < 3.5) & (y > 4.0)
+    hyoid = (x > 30.5) & (z < np.interp(x, [30, 37, 50], [-10.5, -9.5, -9.0])) & (y < 22.5)
     return np.select([symphysis | mylohyoid, hyoid], ["mandible", "hyoid"], "free").astype(LABEL)
 
 
@@ -166,7 +166,7 @@ def _genioglossus(profile: Profile, angles: Floats, spread: tuple[float, ...]) -
     """The fan from the tendon line at the spine: the fibres leave backward and turn up, the more the further forward they end."""
     lines = []
     for angle in angles:
-        start = np.array([0.3, np.interp(angle, [-5, 45, 65], [-8.0, -0.5, 1.5])])
+        start = np.array([0.3, np.interp(angle, [-1, 45, 65], [-6.5, -0.5, 1.5])])
         if angle < 66:
             end = _to_surface(profile, start, angle, 3.5)
             along = np.radians(angle)
@@ -283,7 +283,7 @@ def _mylohyoid(profile: Profile) -> Lines:
 
 
 RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
-    "GGP": (partial(_genioglossus, angles=np.arange(-4.0, 43.0, 6.5), spread=(1.2, 4.5, 7.0)), 2.2),
+    "GGP": (partial(_genioglossus, angles=np.arange(-1.0, 44.0, 6.0), spread=(1.2, 4.5, 7.0)), 2.2),
     "GGM": (partial(_genioglossus, angles=np.arange(48.0, 64.0, 4.5), spread=(1.2, 4.5)), 2.0),
     "GGA": (partial(_genioglossus, angles=np.arange(68.0, 122.0, 7.0), spread=(1.2, 4.5)), 2.2),
     "SG": (_styloglossus, 2.1),
