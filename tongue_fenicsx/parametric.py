@@ -314,5 +314,5 @@ def _one_side(bundle: FibreBundle, radius: float, sign: float, points: Floats) -
 
 def _under_skin(profile: Profile, bundle: FibreBundle, points: Floats) -> Bools:
     near = bundle.within(points, 6.5 * MM)
-    near[near] = profile.level(points[near] / MM) < 4.0
+    near[near] = profile.level(points[near] / MM) < 4.4
     return near
