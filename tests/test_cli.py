@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import write_block
 
+from tongue_fenicsx import Run
 from tongue_fenicsx.cli import main
 from tongue_fenicsx.scenario import dump, load
 
@@ -218,6 +220,22 @@ def test_solve_that_fails_exits_with_3(scenario: Path, tmp_path: Path, capsys: p
     options = ["gravity.acceleration=[0.0, 0.0, -1e6]", "gravity.rise=0.0", "time.step_min=0.004"]
     code, text = tongue(capsys, "run", scenario, "-o", tmp_path, *(part for o in options for part in ("--set", o)))
     assert (code, "last good state is saved" in text) == (3, True), text
+
+
+def test_interrupt_and_resume(scenario: Path, tmp_path: Path) -> None:
+    """Ctrl-C ends a run between two steps with exit code 130; --resume finishes it."""
+    command = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o", str(tmp_path / "run"), "--set", "time.end=0.1"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.startswith("t "):
+            process.send_signal(signal.SIGINT)
+            break
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "go on with --resume" in err
+    assert subprocess.run([*command, "--resume"], capture_output=True, timeout=300).returncode == 0
+    assert Run(tmp_path / "run").time[-1] == pytest.approx(0.1)
 
 
 def test_bad_input_on_two_ranks(scenario: Path) -> None:

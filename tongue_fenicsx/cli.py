@@ -101,8 +101,13 @@ def run(
     loaded = load(scenario, changes)
     on_rank_zero(comm, lambda: check_outputs(output, assemble.MESH_FILES))
     simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
-    with _Bar(comm.rank == 0) as bar:
-        result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded.in_metres()))
+    try:
+        with _Bar(comm.rank == 0) as bar:
+            result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded.in_metres()))
+    except KeyboardInterrupt:
+        if comm.rank == 0:
+            errors.print(f"interrupted; everything so far is in {output}, go on with --resume")
+        raise SystemExit(130) from None
     if comm.rank == 0:
         pictures = result.plot()
         s = result.summary
@@ -202,10 +207,6 @@ def _exit_code(command: Callable[[], Any]) -> int:
         if _rank() == 0:
             errors.print(f"[red]error:[/] {_escaped(error.format_message())} See tongue --help.")
         return 2
-    except KeyboardInterrupt:
-        if _rank() == 0:
-            errors.print("interrupted; go on with --resume")
-        return 130
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 1
     except Exception:
