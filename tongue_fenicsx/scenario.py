@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from . import muscles, passive
 from .activation import Activation
@@ -34,6 +34,17 @@ TISSUES: dict[str, dict[str, float]] = {
 Kappert 2021 with the chapter's damping."""
 
 
+def one_of(names: Collection[str]) -> AfterValidator:
+    """Accept these names only, and say which they are."""
+
+    def known(value: str) -> str:
+        if value not in names:
+            raise ValueError(f"{value!r} is not one of {', '.join(names)}")
+        return value
+
+    return AfterValidator(known)
+
+
 class Section(BaseModel):
     """A table of the scenario; unknown keys are errors."""
 
@@ -44,16 +55,9 @@ class MeshSection(Section):
     """Where the mesh comes from: one of a file, a preset of the parametric tongue, or a subject's folder."""
 
     file: str | None = None
-    parametric: str | None = None
+    parametric: Annotated[str, one_of(PRESETS)] | None = None
     subject: str | None = None
     size: Positive | None = None
-
-    @field_validator("parametric")
-    @classmethod
-    def _known_preset(cls, value: str | None) -> str | None:
-        if value is not None and value not in PRESETS:
-            raise ValueError(f"{value!r} is not one of {', '.join(PRESETS)}")
-        return value
 
     @model_validator(mode="after")
     def _one_source(self) -> MeshSection:
@@ -67,44 +71,23 @@ class MeshSection(Section):
 class TissueSection(Section):
     """Passive tissue: a preset and what differs from it."""
 
-    preset: str = "calka"
+    preset: Annotated[str, one_of(TISSUES)] = "calka"
     c10: Positive | None = None
     c20: NotNegative | None = None
     nu: Annotated[float, Field(strict=True, gt=-1, lt=0.5)] | None = None
-    volumetric: str = "quadratic"
+    volumetric: Annotated[str, one_of(passive.VOLUMETRIC)] = "quadratic"
     density: Positive | None = None
     rayleigh_alpha: NotNegative | None = None
     rayleigh_beta: NotNegative | None = None
-
-    @field_validator("preset")
-    @classmethod
-    def _known_preset(cls, value: str) -> str:
-        if value not in TISSUES:
-            raise ValueError(f"{value!r} is not one of {', '.join(TISSUES)}")
-        return value
-
-    @field_validator("volumetric")
-    @classmethod
-    def _known_law(cls, value: str) -> str:
-        if value not in passive.VOLUMETRIC:
-            raise ValueError(f"{value!r} is not one of {', '.join(passive.VOLUMETRIC)}")
-        return value
 
 
 class MuscleSection(Section):
     """The active law; ``sigma_max`` (Pa, by muscle) replaces values of the tissue's table."""
 
-    force_velocity: str = "grenoble"
+    force_velocity: Annotated[str, one_of(FORCE_VELOCITY)] = "grenoble"
     optimal_stretch: Annotated[float, Field(strict=True, ge=0.5, le=2)] = 1.0
     tendon_length: NotNegative = 6e-3
     sigma_max: dict[str, NotNegative] = {}
-
-    @field_validator("force_velocity")
-    @classmethod
-    def _known_law(cls, value: str) -> str:
-        if value not in FORCE_VELOCITY:
-            raise ValueError(f"{value!r} is not one of {', '.join(FORCE_VELOCITY)}")
-        return value
 
 
 class BoundarySection(Section):
