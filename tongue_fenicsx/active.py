@@ -108,9 +108,13 @@ class Contraction:
         """
         stretch, gradient = _isochoric_stretch(F, direction)
         rate = ufl.inner(_isochoric_stretch(F_frozen, direction)[1], F_rate)
+        total = tension * self.tension(stretch, rate) + tendon * passive_tension(stretch / self.optimal_stretch)
+        return total / self.optimal_stretch * gradient
+
+    def tension(self, stretch: Expr, rate: Expr) -> Expr:
+        """Active tension over its peak, f_L f_V, at a stretch λ and a stretch rate (1/s)."""
         normalised = stretch / self.optimal_stretch
-        active = tension * force_length(normalised) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
-        return (active + tendon * passive_tension(normalised)) / self.optimal_stretch * gradient
+        return force_length(normalised) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
 
 
 def _isochoric_stretch(F: Expr, direction: Expr) -> tuple[Expr, Expr]:
@@ -195,6 +199,50 @@ class FibreSlots:
         zero = 0.0 * F
         slots = zip(self.directions, self.tensions, self.tendons, strict=True)
         return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
+
+
+class OuterPull:
+    """The pull of a muscle's part outside the tongue on the surface that it crosses, such as styloglossus.
+
+    It follows the line to its anchor. Its tension is that of the fibres inside, peak stress times activation, with
+    the length and the rate of the part outside in the force–length and force–velocity factors: so it comes from a
+    potential and a damper, and the tangent stays symmetric.
+
+    Parameters
+    ----------
+    tongue : TongueMesh
+        The mesh.
+    name : str
+        A muscle with an `MuscleCells.entry`.
+    sigma_max : float
+        Peak stress in Pa.
+    ds : ufl.Measure
+        The surface that it crosses.
+    """
+
+    def __init__(self, tongue: TongueMesh, name: str, sigma_max: float, ds: ufl.Measure) -> None:
+        entry = tongue.muscles[name].entry
+        assert entry is not None
+        mesh = tongue.mesh
+        self.name, self._sigma_max, self._ds = name, sigma_max, ds
+        self._anchor = fem.Constant(mesh, entry.anchor)
+        self._level = fem.Constant(mesh, 0.0)
+        self._share = fem.Function(fem.functionspace(mesh, ("P", 1)))
+        at_node = np.zeros(len(mesh.geometry.x))
+        at_node[entry.nodes] = entry.share
+        self._share.x.array[self._share.function_space.dofmap.list] = at_node[mesh.geometry.dofmaps[0]]
+
+    def activate(self, levels: Mapping[str, float]) -> None:
+        """Set the activation, 0…1."""
+        self._level.value = self._sigma_max * levels[self.name]
+
+    def work(self, law: Contraction, u: Expr, v: Expr, w: Expr) -> Expr:
+        """Virtual work of the pull on `w`."""
+        X = ufl.SpatialCoordinate(self._ds.ufl_domain())
+        line, at_rest = self._anchor - X - u, self._anchor - X
+        length, rest = ufl.sqrt(ufl.dot(line, line)), ufl.sqrt(ufl.dot(at_rest, at_rest))
+        tension = law.tension(length / rest, -ufl.dot(line, v) / (length * rest))
+        return self._level * self._share * tension * ufl.dot(line, w) / length * self._ds
 
 
 def smooth_fade(distance: Floats, length: float) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyvista as pv
 
 from .fibres import Bools, FibreBundle, Floats
 from .surface import Surface
@@ -35,11 +36,20 @@ class Muscle:
         Its fibres.
     region : callable
         Takes points (n, 3) in m, returns whether each lies in the muscle, (n,).
+    pcsa : float, optional
+        Physiological cross-section of this side in m²; further facts are in `muscles.CATALOGUE`.
+    anchor : (3,) float array, optional
+        Where the part outside the tongue pulls to, in m, such as the styloid process.
+    measured_volume : float, optional
+        Volume in m³ of the region in the data that it comes from, to judge the mesh by.
     """
 
     name: str
     fibres: FibreBundle
     region: Callable[[Floats], Bools]
+    pcsa: float | None = None
+    anchor: Floats | None = None
+    measured_volume: float | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,12 @@ class Anatomy:
     mirrored: bool = False
     notes: list[str] = field(default_factory=list)
 
+    def fibre_length(self, name: str) -> float:
+        """Mean length in m, inside the tongue, of the fibres of a muscle."""
+        fibres = self.muscles[name].fibres
+        points, _, lengths = fibres.segments
+        return float(lengths[self.surface.contains(points, 1e-3)].sum() / len(fibres.lines))
+
     def mesh(self, size: float = 4e-3) -> TongueMesh:
         """Mesh the tongue with elements of `size` (m) and load it (see `meshing.build` for files that last)."""
         from .tonguemesh import TongueMesh
@@ -81,9 +97,13 @@ class Anatomy:
 
 @dataclass(frozen=True)
 class Shape:
-    """Shape figures of a tongue, in the terms of the literature (lengths in m, areas in m²)."""
+    """Shape figures of a tongue, in the terms of the literature (lengths in m, areas in m², volumes in m³).
+
+    The tongue proper is what lies more than 2 mm above the genial spine, without the mouth floor.
+    """
 
     volume: float
+    proper_volume: float
     arc_length: float
     chord: float
     width: float
@@ -126,12 +146,33 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     }
     return Shape(
         volume=surface.volume,
+        proper_volume=abs(float(_above(surface, genial_spine[2] + 2e-3).volume)),
         arc_length=arc,
         chord=float(np.linalg.norm(tip - root)),
         width=float(np.ptp(oral[:, 1])),
         midsagittal_area=area,
         landmarks=landmarks,
     )
+
+
+def gaps(anatomy: Anatomy, shape: Shape) -> dict[str, float]:
+    """Rest gaps in m: dorsum and tip straight up to the palate, root straight back to the pharynx, as far as there are bones."""
+    found = {}
+    for name, landmark, way in (
+        ("dorsum_palate", "dorsum", (0, 0, 1)),
+        ("tip_palate", "tip", (0, 0, 1)),
+        ("root_pharynx", "root", (1, 0, 0)),
+    ):
+        start = shape.landmarks[landmark]
+        ends = [bone.to_pyvista().ray_trace(start, start + 0.05 * np.array(way))[0] for bone in anatomy.bones.values()]
+        distances = [float(np.linalg.norm(hit - start)) for hits in ends for hit in hits]
+        if distances:
+            found[name] = min(distances)
+    return found
+
+
+def _above(surface: Surface, z: float) -> pv.PolyData:
+    return surface.to_pyvista().clip_closed_surface(normal="z", origin=(0.0, 0.0, z)).triangulate()
 
 
 def _midsagittal(surface: Surface) -> Floats:

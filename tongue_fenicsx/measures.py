@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import basix
 import numpy as np
-from dolfinx import fem
+import ufl
+from dolfinx import fem, la
 from mpi4py import MPI
 
 from . import jit
@@ -81,8 +82,11 @@ class Measures:
         self._expression = fem.Expression(weak.densities(weak.u, v), points, jit_options=jit.options())
         self._weak = weak
         self._points = np.einsum("qv,cvd->cqd", np.column_stack([1 - points.sum(axis=1), points]), corners)
+        w = ufl.TestFunction(weak.V)
+        works = [pull.work(weak.model.contraction, weak.u, v, w) for pull in weak.pulls]
+        self._pull = fem.form(sum(works[1:], works[0]), jit_options=jit.options()) if works else None
         self.balance = Balance()
-        self._previous: Floats | None = None
+        self._previous: tuple[Floats, Floats, Floats] | None = None
 
     def sum(self, density: Floats) -> float:
         """Integral of a density, (cells, points), over the whole tongue."""
@@ -96,35 +100,47 @@ class Measures:
         self.F = self._now[..., :9].reshape(*self.weights.shape, 3, 3)
         self.J = np.linalg.det(self.F)
 
+    def _outside(self) -> tuple[Floats, Floats]:
+        """Nodal forces in N of muscles from outside, and the displacement, of the unknowns of this rank."""
+        V = self._weak.V
+        owned = 3 * V.dofmap.index_map.size_local
+        if self._pull is None:
+            return np.zeros(0), np.zeros(0)
+        force = fem.assemble_vector(self._pull)
+        force.scatter_reverse(la.InsertMode.add)
+        return force.array[:owned].copy(), self._weak.u.x.array[:owned].copy()
+
     def start(self) -> None:
         """Begin the energy balance at the present state."""
         self.evaluate()
         self._energies()
         self.balance.start = self.balance.kinetic + self.balance.elastic
-        self._previous = self._now
+        self._previous = self._now, *self._outside()
 
     def resume(self, balance: Balance) -> None:
         """Go on with an energy balance from a checkpoint."""
         self.evaluate()
         self.balance = balance
-        self._previous = self._now
+        self._previous = self._now, *self._outside()
 
     def advance(self) -> None:
         """Add the step that led to the present state to the energy balance."""
         self.evaluate()
-        before, now = self._previous, self._now
-        assert before is not None
+        assert self._previous is not None
+        before, force_before, u_before = self._previous
+        now, (force, u) = self._now, self._outside()
         mean, change = (before + now) / 2, now - before
         dF, du = change[..., :9], change[..., 28:31]
         model = self._weak.model
         b = self.balance
         b.muscle_work -= self.sum((mean[..., 9:18] * dF).sum(axis=-1))
+        b.muscle_work += float(self._comm.allreduce(float((force_before + force) @ (u - u_before)) / 2))
         drag = model.damping.alpha * model.density * (mean[..., 31:34] * du).sum(axis=-1)
         b.dissipated += self.sum((mean[..., 18:27] * dF).sum(axis=-1) + drag)
         b.gravity_work += self.sum(model.density * (du @ self._weak.gravity.value))
         self._energies()
         b.update()
-        self._previous = now
+        self._previous = now, force, u
 
     def _energies(self) -> None:
         density = self._weak.model.density

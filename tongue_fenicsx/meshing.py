@@ -24,25 +24,33 @@ from typing import Any
 import gmsh
 import h5py
 import numpy as np
+import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from . import muscles as muscle_facts
-from .anatomy import Anatomy, measure
+from .anatomy import Anatomy, Muscle, gaps, measure
 from .errors import InputError, check_outputs
-from .fibres import Floats
+from .fibres import FibreBundle, Floats
 from .surface import Surface
 
 Ints = NDArray[np.int64]
 
-PRESETS = {"coarse": 6.4e-3, "medium": 4.2e-3, "reference": 2.35e-3}
+PRESETS = {"coarse": 6.4e-3, "medium": 4.2e-3, "reference": 2.32e-3}
 """Element size in m away from the attachments."""
 
 REFINEMENT, REFINED_WITHIN = 0.7, 10e-3
 """Elements at a bonded area have this fraction of the size; it grows back to 1 over the distance in m."""
 
+PER_RADIUS, GROWTH, CURVATURE_SCALE = 0.55, 0.3, 4e-3
+"""Elements on the surface are at most this fraction of its radius of curvature, measured over the scale in m, but not
+finer than at a bonded area; below the surface they grow by the second number per distance."""
+
 SUBPOINTS = np.array([i for i in product(range(4), repeat=4) if sum(i) == 3]) / 4 + 1 / 16
 """Barycentric coordinates of 20 evenly spread points of a tetrahedron."""
+
+FACET_SUBPOINTS = np.array([i for i in product(range(6), repeat=3) if sum(i) == 5]) / 6 + 1 / 18
+"""Barycentric coordinates of 21 evenly spread points of a triangle."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +88,25 @@ class Tetrahedra:
 
 
 @dataclass(frozen=True)
+class Entry:
+    """Where the part of a muscle outside the tongue pulls at the surface.
+
+    Attributes
+    ----------
+    facets : (k, 3) int array
+        Boundary triangles that its fibres cross.
+    share : (k, 3) float array
+        Cross-section of the muscle per area of surface at their corners.
+    anchor : (3,) float array
+        Where it pulls to, in m.
+    """
+
+    facets: Ints
+    share: Floats
+    anchor: Floats
+
+
+@dataclass(frozen=True)
 class MuscleField:
     """One muscle on a mesh.
 
@@ -97,6 +124,8 @@ class MuscleField:
         Share of each cell that lies in the region.
     volume : float
         Volume of the region in m³.
+    entry : Entry, optional
+        Where it enters from outside.
     """
 
     cells: Ints
@@ -105,6 +134,7 @@ class MuscleField:
     direction: Floats
     share: Floats
     volume: float
+    entry: Entry | None = None
 
 
 def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
@@ -144,23 +174,29 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
     partial = [file.with_name(f".partial-{file.name}") for file in files]
     owned, quality = _write_msh(mesh, fields, partial[0])
     _write_h5(anatomy, mesh, fields, landmarks, partial[1])
+    locate = _Locator(mesh)
     figures = {
         "name": anatomy.name,
         "origin_m": anatomy.genial_spine.tolist(),
         "volume_m3": float(mesh.volumes.sum()),
+        "proper_volume_m3": shape.proper_volume,
         "arc_length_m": shape.arc_length,
         "chord_m": shape.chord,
         "width_m": shape.width,
         "midsagittal_area_m2": shape.midsagittal_area,
+        "gaps_m": gaps(anatomy, shape),
         "n_nodes": mesh.n_quadratic_nodes,
         "n_cells": len(mesh.cells),
         "min_sicn": quality,
         "muscles": {
             name: {
                 "volume_m3": field.volume,
+                "measured_volume_m3": anatomy.muscles[name].measured_volume,
                 "n_cells": int(owned[name].sum()),
-                "mean_length_m": float(anatomy.muscles[name].fibres.lengths.mean()),
-                "pcsa_m2": _pcsa(name),
+                "mean_length_m": anatomy.fibre_length(name),
+                "direction_error_deg": locate.direction_error(anatomy.muscles[name].fibres, field),
+                "pcsa_m2": anatomy.muscles[name].pcsa,
+                **_facts(name),
             }
             for name, field in fields.items()
         },
@@ -173,11 +209,35 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
     return figures
 
 
-def _pcsa(name: str) -> float | None:
-    facts = muscle_facts.CATALOGUE.get(muscle_facts.base_name(name))
+def _facts(name: str) -> dict[str, Any]:
+    """Full name, peak stress by tissue and source of a muscle, as far as the catalogue has it."""
+    base = muscle_facts.base_name(name)
+    facts = muscle_facts.CATALOGUE.get(base)
     if facts is None:
-        return None
-    return facts.pcsa / (2 if name.endswith(("_L", "_R")) else 1)
+        return {}
+    stress = {tissue: table[base] for tissue, table in muscle_facts.PEAK_STRESS.items()}
+    return {"full_name": facts.full_name, "peak_stress_pa": stress, "source": facts.source}
+
+
+class _Locator:
+    """Interpolates vertex data of a mesh at points inside it."""
+
+    def __init__(self, mesh: Tetrahedra) -> None:
+        self.mesh = mesh
+        self._grid = pv.UnstructuredGrid({pv.CellType.TETRA: mesh.cells}, mesh.points)
+
+    def direction_error(self, fibres: FibreBundle, field: MuscleField) -> float:
+        """Mean angle in degrees between fibres and the direction field of the mesh along them, inside the muscle's cells."""
+        points, tangents, lengths = fibres.segments
+        cells = np.atleast_1d(self._grid.find_containing_cell(points))
+        inside = np.isin(cells, field.cells)
+        corners = self.mesh.cells[cells[inside]]
+        a, b, c, d = (self.mesh.points[corners[:, i]] for i in range(4))
+        bary = np.linalg.solve(np.stack([b - a, c - a, d - a], axis=2), (points[inside] - a)[..., None])[..., 0]
+        weights = np.column_stack([1 - bary.sum(axis=1), bary])
+        mean = np.einsum("nv,nvd->nd", weights, field.direction[np.searchsorted(field.nodes, corners)])
+        cosine = abs((mean * tangents[inside]).sum(axis=1)) / np.linalg.norm(mean, axis=1)
+        return float(np.average(np.degrees(np.arccos(np.clip(cosine, 0, 1))), weights=lengths[inside]))
 
 
 def tetrahedralise(anatomy: Anatomy, size: float) -> Tetrahedra:
@@ -262,16 +322,22 @@ def _is_rim(curve: int) -> bool:
 
 
 class _SizeLookup:
-    """Element size in mm near a point, from a grid of 2 mm (Gmsh asks some hundred thousand times)."""
+    """Element size in mm near a point, from a grid of 2 mm (Gmsh asks some hundred thousand times).
+
+    The size falls toward bonded areas and where the surface is more curved than the elements can follow.
+    """
 
     def __init__(self, bonded: cKDTree | None, surface: Surface, h: float) -> None:
         lower, upper = 1e3 * surface.points.min(axis=0) - 4, 1e3 * surface.points.max(axis=0) + 4
         axes = [np.arange(lower[i], upper[i] + 2, 2.0) for i in range(3)]
-        distance = np.full([len(a) for a in axes], np.inf)
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        distance, nearest = cKDTree(1e3 * surface.centroids).query(grid)
+        finest = np.clip(PER_RADIUS * 1e3 * surface.curvature_radius(CURVATURE_SCALE), REFINEMENT * h, h)
+        size = np.minimum(h, finest[nearest] + GROWTH * distance)
         if bonded is not None:
-            distance = bonded.query(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))[0]
-        ramp = np.clip(distance / (1e3 * REFINED_WITHIN), 0, 1)
-        self._size = (h * (REFINEMENT + (1 - REFINEMENT) * ramp)).tolist()
+            ramp = np.clip(bonded.query(grid)[0] / (1e3 * REFINED_WITHIN), 0, 1)
+            size = np.minimum(size, h * (REFINEMENT + (1 - REFINEMENT) * ramp))
+        self._size = size.tolist()
         self._lower = lower.tolist()
         self._last = [len(a) - 1 for a in axes]
 
@@ -297,19 +363,66 @@ def project_muscles(anatomy: Anatomy, mesh: Tetrahedra) -> dict[str, MuscleField
         if len(cells) == 0:
             raise InputError(f"{anatomy.name}: muscle {name!r} has an empty region; its fibres must run inside the tongue surface.")
         share = np.einsum("cs,sv->cv", inside[cells], SUBPOINTS) / len(SUBPOINTS) * volumes[cells, None]
-        nodes, local = np.unique(mesh.cells[cells], return_inverse=True)
-        local = local.reshape(-1, 4)
-        total = np.bincount(local.ravel(), share.ravel())
-        capacity = np.bincount(local.ravel(), np.repeat(volumes[cells] / 4, 4))
+        nodes, weight = lump(mesh.cells[cells], share, volumes[cells])
         fields[name] = MuscleField(
             cells,
             nodes,
-            total / capacity,
+            weight,
             muscle.fibres.direction(mesh.points[nodes]),
             inside[cells].mean(axis=1),
             float(share.sum()),
+            _entry(muscle, anatomy.surface, mesh),
         )
     return fields
+
+
+def lump(elements: Ints, share: Floats, measure: Floats) -> tuple[Ints, Floats]:
+    """Vertices of some cells or facets, and weights there whose linear interpolation has a given integral.
+
+    Parameters
+    ----------
+    elements : (k, n) int array
+        Vertices of each simplex.
+    share : (k, n) float array
+        Integral over each simplex of the quantity times each linear shape function.
+    measure : (k,) float array
+        Volume or area of each simplex.
+    """
+    nodes, local = np.unique(elements, return_inverse=True)
+    n = elements.shape[1]
+    total = np.bincount(local.ravel(), share.ravel())
+    capacity = np.bincount(local.ravel(), np.repeat(measure / n, n))
+    return nodes, total / capacity
+
+
+def _entry(muscle: Muscle, surface: Surface, mesh: Tetrahedra) -> Entry | None:
+    """The free facets that a muscle crosses on its way from its anchor, and its cross-section per area there."""
+    if muscle.anchor is None:
+        return None
+    track = muscle.fibres.segments[0]
+    depth = -surface.signed_distance(track)
+    track = track[(depth < 2e-3) & (depth > -6e-3) & (np.linalg.norm(track - muscle.anchor, axis=1) > 6e-3)]
+    facets = mesh.facets[mesh.labels == "free"]
+    corners = mesh.points[facets]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    points = np.einsum("sv,fvd->fsd", FACET_SUBPOINTS, corners)
+    flat = points.reshape(-1, 3)
+    inside = np.zeros(len(flat), dtype=bool)
+    near = np.isfinite(cKDTree(track).query(flat, distance_upper_bound=5e-3)[0])
+    toward = ((muscle.anchor - points) * normal[:, None]).sum(axis=2).ravel() > 0
+    candidates = np.flatnonzero(near & toward)
+    below = flat[candidates] - 3e-4 * np.repeat(normal, len(FACET_SUBPOINTS), axis=0)[candidates]
+    inside[candidates] = muscle.region(below)
+    cosine = abs((muscle.fibres.direction(flat).reshape(points.shape) * normal[:, None]).sum(axis=2))
+    crossed = np.where(inside.reshape(cosine.shape), cosine, 0.0)
+    touched = crossed.any(axis=1)
+    facets, crossed = facets[touched], crossed[touched]
+    sides = corners[touched, 1:] - corners[touched, :1]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
+    share = np.einsum("fs,sv->fv", crossed, FACET_SUBPOINTS) / len(FACET_SUBPOINTS) * area[:, None]
+    nodes, value = lump(facets, share, area)
+    return Entry(facets, value[np.searchsorted(nodes, facets)], muscle.anchor)
 
 
 def _ordered(names: set[str]) -> list[str]:
@@ -366,5 +479,9 @@ def _write_h5(anatomy: Anatomy, mesh: Tetrahedra, fields: dict[str, MuscleField]
             group.create_dataset("nodes", data=field.nodes.astype(np.int32), compression="gzip")
             group.create_dataset("weight", data=field.weight)
             group.create_dataset("direction", data=field.direction)
+            if field.entry is not None:
+                group.create_dataset("entry/facets", data=field.entry.facets.astype(np.int32))
+                group.create_dataset("entry/share", data=field.entry.share)
+                group.create_dataset("entry/anchor", data=field.entry.anchor)
         for name, point in landmarks.items():
             file.create_dataset(f"landmarks/{name}", data=point)

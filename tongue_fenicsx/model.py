@@ -13,7 +13,7 @@ from dolfinx.mesh import entities_to_geometry
 from scipy.spatial import cKDTree
 
 from . import muscles as muscle_facts
-from .active import Contraction, FibreSlots, smooth_fade
+from .active import Contraction, FibreSlots, OuterPull, smooth_fade
 from .errors import InputError
 from .fibres import Floats
 from .passive import VOLUMETRIC, Expr, Passive, Yeoh, bulk_modulus
@@ -127,6 +127,8 @@ class WeakForm:
         Displacement, and the stand-in for it that the tangent holds fixed (see `Contraction.stress`).
     slots : FibreSlots
         The muscles.
+    pulls : list of OuterPull
+        Of those that come from outside the tongue.
     """
 
     def __init__(self, model: Model, active: Sequence[str]) -> None:
@@ -140,6 +142,11 @@ class WeakForm:
         sigma = muscle_facts.peak_stress(muscles, model.sigma_max)
         degree = model.quadrature_degree
         self.slots = FibreSlots(tongue, muscles, sigma, model.tendon_factor, degree)
+        entries = {name: muscle.entry.facets for name, muscle in muscles.items() if muscle.entry is not None}
+        facet = fem.IntegralType.exterior_facet
+        crossed = [(i, fem.compute_integration_domains(facet, mesh.topology, facets)) for i, facets in enumerate(entries.values())]
+        ds = ufl.Measure("ds", mesh, subdomain_data=crossed, metadata={"quadrature_degree": 3})
+        self.pulls = [OuterPull(tongue, name, sigma[name], ds(i)) for i, name in enumerate(entries)]
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
         self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
         passive = model.passive
@@ -163,6 +170,8 @@ class WeakForm:
         share = min(t / rise, 1.0) if rise > 0 else 1.0
         self.gravity.value[:] = share * np.asarray(self.model.gravity)
         self.slots.activate(levels)
+        for pull in self.pulls:
+            pull.activate(levels)
 
     def energy_density(self, F: Expr) -> Expr:
         """Elastic energy density Ψ in J/m³."""
@@ -200,7 +209,8 @@ class WeakForm:
         stress = self.passive_stress(u) + self.active_stress(u, v)
         if self.model.damping.beta > 0:
             stress += self.damping_stress(v)
-        return ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
+        form = ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
+        return sum((-pull.work(self.model.contraction, u, v, w) for pull in self.pulls), form)
 
     def densities(self, u: Expr, v: Expr) -> Expr:
         """What energies are made of, 34 numbers per point: F, P_active, P_damping, Ψ, u, v."""

@@ -9,7 +9,7 @@ zero at the contour like a superellipse, so that edges and tip are round.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 
 import numpy as np
@@ -19,10 +19,12 @@ from scipy.interpolate import PchipInterpolator, RectBivariateSpline, make_inter
 from scipy.special import beta
 
 from .anatomy import Anatomy, Muscle
+from .bones import parametric_bones
+from .errors import InputError
 from .fibres import Bools, FibreBundle, Floats
+from .muscles import pcsa
+from .shape import TongueShape
 from .surface import LABEL, Surface
-
-MM = 1e-3
 
 CONTOUR = np.array([
     (-0.7, 2.3), (0.4, 8.5), (-2.0, 13.3), (-11.1, 18.0), (-17.0, 21.6), (-19.6, 26.0), (-17.4, 29.8), (-11.9, 32.4),
@@ -106,14 +108,31 @@ class Profile:
         return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
 
 
-def parametric_tongue() -> Anatomy:
-    """The built-in tongue with mandible and hyoid attachments and eleven muscles.
+def parametric_tongue(shape: TongueShape | None = None, split: Collection[str] = ()) -> Anatomy:
+    """The built-in tongue: mandible and hyoid attachments, eleven muscles, palate, teeth, mandible, hyoid and pharynx.
+
+    Parameters
+    ----------
+    shape : TongueShape
+        Length, width, height and scale, if not those of the tongue as drawn; bones and muscles follow.
+    split : collection of str
+        ``"GGP"`` gives the lowest fibres of genioglossus, to the hyoid, as a muscle of their own, GGH (four parts as in
+        the G-OBIM tongue of Calka et al. 2025); ``"SL"`` gives the superior longitudinal a left and a right half.
 
     Returns
     -------
     Anatomy
         In m; its mesh is a mirrored half, so that symmetric activation moves it symmetrically.
+
+    Raises
+    ------
+    InputError
+        If `split` names another muscle.
     """
+    for name in split:
+        if name not in SPLITTABLE:
+            raise InputError(f"split: {name!r} is not one of {', '.join(SPLITTABLE)}.")
+    shape = shape or TongueShape()
     profile = Profile()
     half = profile.surface()
     labels = _attachment(half.centroids)
@@ -124,26 +143,32 @@ def parametric_tongue() -> Anatomy:
     twin = np.arange(n) + n
     twin[on_plane] = on_plane
     triangles = np.vstack([half.triangles, twin[half.triangles][:, ::-1]])
-    surface = Surface(points * MM, triangles, np.concatenate([labels, labels]))
+    surface = Surface(shape.place(points), triangles, np.concatenate([labels, labels]))
     if surface.volume < 0:
         surface = Surface(surface.points, triangles[:, ::-1].copy(), surface.labels)
-    muscles = {muscle.name: muscle for muscle in _muscles(profile)}
-    return Anatomy("parametric tongue", surface, muscles, np.zeros(3), mirrored=True)
+    muscles = {muscle.name: muscle for muscle in _muscles(profile, shape, split)}
+    bones = {name: bone.moved(shape.place) for name, bone in parametric_bones(profile).items()}
+    return Anatomy("parametric tongue", surface, muscles, np.zeros(3), bones, mirrored=True)
 
 
 def _attachment(centroids: Floats) -> np.ndarray:
-    """Labels of surface triangles (mm): symphysis and mylohyoid line to the mandible, the rear floor to the hyoid."""
+    """Labels of surface triangles (mm): symphysis and mylohyoid line to the mandible, body and greater horns to the hyoid."""
     x, y, z = centroids.T
     symphysis = (x < np.where(z < -5.0, 4.0, 2.0)) & (z < 5.0)
     line = np.interp(x, [0, 6, 10, 16, 24], [-9.0, -7.0, -5.5, -2.5, 1.0])
     mylohyoid = (x < 24.0) & (abs(z - line) < 3.5) & (y > 4.0)
-    hyoid = (x > 30.5) & (z < np.interp(x, [30, 37, 50], [-10.5, -9.5, -9.0])) & (y < 22.5)
+    body = (x > 30.5) & (x < 37.0) & (y < 12.0) & (z < -9.0)
+    horn = (abs(y - np.interp(x, [35, 42, 54], [10.0, 14.5, 20.5])) < 4.0) & (x > 34.0) & (z < -5.0)
+    hyoid = body | horn
     return np.select([symphysis | mylohyoid, hyoid], ["mandible", "hyoid"], "free").astype(LABEL)
 
 
 # Muscles of the right side, in mm. Each yields the fibres and the radius around them that the muscle fills.
 
 Lines = list[Floats]
+
+STYLOID = np.array([73.5, 36.0, 52.0])
+"""Where styloglossus starts, at the styloid process."""
 
 
 def _smooth(points: object, n: int = 24) -> Floats:
@@ -173,22 +198,24 @@ def _genioglossus(profile: Profile, angles: Floats, spread: tuple[float, ...]) -
             bend = np.interp(angle, [0.0, 30.0, 65.0], [0.5, 2.5, 5.5])
             knee = (start + end) / 2 + bend * np.array([np.sin(along), -np.cos(along)])
         else:
-            end = _to_surface(profile, np.array([9.0 - 0.12 * (angle - 66), 15.0]), angle, 3.5)
-            knee = np.array([5.5 - 0.03 * (angle - 66), 13.0])
+            end = _to_surface(profile, np.array([10.5 - 0.2 * (angle - 66), 15.0]), angle, 3.5)
+            knee = np.array([8.5 - 0.15 * (angle - 66), 13.0 + 0.04 * (angle - 66)])
         for y in spread:
             lines.append(_smooth([(start[0], 0.6 + 0.2 * y, start[1]), (knee[0], 0.6 * y + 0.4, knee[1]), (end[0], y, end[1])]))
     return lines
 
 
 def _styloglossus(profile: Profile) -> Lines:
-    entry = [(73.5, 36.0, 52.0), (52, 29, 38.0), (38.0, 21.5, 27.0)]
+    """From the styloid process a band to the side of the tongue; three fibres go on to the tip and two turn to the septum."""
+    entries = [(31.0, 22.0, 30.0), (33.0, 22.0, 27.5), (35.0, 22.0, 25.5), (36.5, 22.0, 23.5), (38.5, 22.0, 21.5)]
     ends = [
-        [(26.0, 17.5, 18.5), (13.0, 13.0, 14.5), (0.0, 10.0, 16.0), (-12.0, 6.5, 21.0)],
-        [(26.0, 18.5, 21.0), (14.0, 15.0, 18.5), (0.0, 12.0, 20.0), (-12.0, 9.0, 22.5)],
-        [(28.0, 16.5, 17.5), (21.0, 10.0, 12.5), (18.5, 1.5, 11.0)],
+        [(25.0, 18.0, 21.5), (14.0, 15.0, 18.5), (0.0, 12.0, 20.0), (-13.0, 8.5, 21.5)],
+        [(26.0, 17.5, 18.5), (13.0, 13.0, 14.5), (0.0, 10.0, 16.5), (-13.0, 6.5, 20.5)],
+        [(28.0, 16.5, 16.0), (13.0, 9.5, 12.5), (0.0, 8.0, 16.5), (-12.0, 5.0, 20.5)],
         [(30.0, 17.5, 20.0), (25.0, 11.0, 15.0), (23.0, 1.5, 14.0)],
+        [(28.0, 16.5, 17.5), (21.0, 10.0, 12.5), (18.5, 1.5, 11.0)],
     ]
-    return [_smooth([*entry, *end], 40) for end in ends]
+    return [_smooth([tuple(STYLOID), entry, *end], 60) for entry, end in zip(entries, ends, strict=True)]
 
 
 def _hyoglossus(profile: Profile) -> Lines:
@@ -274,45 +301,70 @@ def _mylohyoid(profile: Profile) -> Lines:
     for x in np.arange(5.5, 30.0, 3.0):
         z = float(np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10]))
         side = float(profile.half_width(np.array([[x, z]]))[0]) - 1.0
-        low = -14.6
+        low = -13.1
         drift = 0.3 * (x - 17.0)
-        lines.append(
-            _smooth([(x, side, z), (x + drift / 3, 0.9 * side, (z + low) / 2), (x + drift, 0.55 * side, low), (x + drift, 0.0, low - 1.2)])
-        )
+        middle = (x + drift / 3, 0.82 * side, (z + low) / 2)
+        lines.append(_smooth([(x, side, z), middle, (x + drift, 0.4 * side, low), (x + drift, 0.0, low - 0.6)]))
     return lines
 
 
 RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
     "GGP": (partial(_genioglossus, angles=np.arange(-1.0, 44.0, 6.0), spread=(1.2, 4.5, 7.0)), 2.2),
     "GGM": (partial(_genioglossus, angles=np.arange(48.0, 64.0, 4.5), spread=(1.2, 4.5)), 2.0),
-    "GGA": (partial(_genioglossus, angles=np.arange(68.0, 122.0, 7.0), spread=(1.2, 4.5)), 2.2),
-    "SG": (_styloglossus, 2.1),
+    "GGA": (partial(_genioglossus, angles=np.arange(68.0, 122.0, 7.0), spread=(1.2, 4.5)), 1.78),
+    "SG": (_styloglossus, 1.8),
     "HG": (_hyoglossus, 2.6),
     "IL": (_inferior_longitudinal, 1.9),
     "VERT": (_verticalis, 2.15),
     "TRANS": (_transversus, 2.75),
     "GH": (_geniohyoid, 2.4),
-    "MH": (_mylohyoid, 2.2),
+    "MH": (_mylohyoid, 2.0),
 }
 """Fibres and the radius in mm around them that the muscle fills, for the muscles that have a left and a right."""
 
 
-def _muscles(profile: Profile) -> Iterator[Muscle]:
-    for name, (rule, radius) in RIGHT.items():
-        right = [line * MM for line in rule(profile)]
+SPLITTABLE = ("GGP", "SL")
+
+HYOID_FIBRES = 5.0
+"""Genioglossus fibres up to this angle above the horizontal run to the hyoid (part GGh of Calka et al. 2025)."""
+
+
+def _muscles(profile: Profile, shape: TongueShape, split: Collection[str]) -> Iterator[Muscle]:
+    rules = dict(RIGHT)
+    if "GGP" in split:
+        rule, radius = rules["GGP"]
+        assert isinstance(rule, partial)
+        angles = rule.keywords["angles"]
+        rules["GGP"] = partial(rule, angles=angles[angles > HYOID_FIBRES]), radius
+        rules["GGH"] = partial(rule, angles=angles[angles <= HYOID_FIBRES]), radius
+    bundles = {name: (FibreBundle(rule(profile), 3.0, 1.0), radius) for name, (rule, radius) in rules.items()}
+    for name, (bundle, radius) in bundles.items():
+        others = [bundles[other][0] for other in ("GGP", "GGH") if "GGP" in split and name in ("GGP", "GGH") and other != name]
         for side, sign in (("L", -1.0), ("R", 1.0)):
-            bundle = FibreBundle([line * (1, sign, 1) for line in right])
-            yield Muscle(f"{name}_{side}", bundle, partial(_one_side, bundle, radius * MM, sign))
-    shell = FibreBundle([line * MM for line in _superior_longitudinal(profile)])
-    yield Muscle("SL", shell, partial(_under_skin, profile, shell))
+            fibres = FibreBundle([shape.place(line * (1, sign, 1)) for line in bundle.lines], 3e-3 * shape.scale)
+            region = partial(_one_side, shape, bundle, others, radius, sign)
+            anchor = shape.place(np.array([STYLOID * (1, sign, 1)]))[0] if name == "SG" else None
+            section = pcsa(name) - (pcsa("GGH") if name == "GGP" and "GGP" in split else 0.0)
+            yield Muscle(f"{name}_{side}", fibres, region, section / 2, anchor)
+    shell = FibreBundle(_superior_longitudinal(profile), 3.0, 1.0)
+    for name, sign in (("SL_L", -1.0), ("SL_R", 1.0)) if "SL" in split else (("SL", 0.0),):
+        lines = [shape.place(line) for line in shell.lines if sign * line[0, 1] >= 0]
+        yield Muscle(
+            name, FibreBundle(lines, 3e-3 * shape.scale), partial(_under_skin, shape, profile, shell, sign), pcsa("SL") / (1 + abs(sign))
+        )
 
 
-def _one_side(bundle: FibreBundle, radius: float, sign: float, points: Floats) -> Bools:
-    inside: Bools = bundle.within(points, radius) & (sign * points[:, 1] > 0)
+def _one_side(shape: TongueShape, bundle: FibreBundle, others: list[FibreBundle], radius: float, sign: float, points: Floats) -> Bools:
+    """Within `radius` of the fibres drawn on the right, mirrored by `sign`, and nearer to them than to `others`."""
+    drawn = shape.drawn(points) * (1, sign, 1)
+    inside = bundle.within(drawn, radius) & (drawn[:, 1] > 0)
+    for other in others:
+        inside[inside] = bundle.distance(drawn[inside]) <= other.distance(drawn[inside])
     return inside
 
 
-def _under_skin(profile: Profile, bundle: FibreBundle, points: Floats) -> Bools:
-    near = bundle.within(points, 6.5 * MM)
-    near[near] = profile.level(points[near] / MM) < 4.4
+def _under_skin(shape: TongueShape, profile: Profile, bundle: FibreBundle, sign: float, points: Floats) -> Bools:
+    drawn = shape.drawn(points)
+    near = bundle.within(drawn, 6.5) & (sign * drawn[:, 1] >= 0)
+    near[near] = profile.level(drawn[near]) < 4.4
     return near

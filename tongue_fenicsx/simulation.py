@@ -158,6 +158,10 @@ class Simulation:
         return Run(folder)
 
 
+PATIENT_BELOW = 1 / 32
+"""Below this fraction of the largest step an indefinite tangent is solved by the costlier rungs instead of a shorter step."""
+
+
 class _Loop:
     """One run in progress: forms, solver, state, files."""
 
@@ -309,7 +313,7 @@ class _Loop:
         self._set_time(t)
         self.scheme.begin(h)
         assert self._solver is not None
-        self._outcome = self._solver.solve()
+        self._outcome = self._solver.solve(patient=h < PATIENT_BELOW * self.stepping.step_max)
         self.counters["newton_iterations"] += self._outcome.newton
         self.counters["krylov_iterations"] += self._outcome.krylov
         if self._outcome.converged:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,10 +11,13 @@ import numpy as np
 import pymeshfix
 import pyvista as pv
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, eye_array
+from scipy.spatial import cKDTree
 
 from .errors import InputError, quiet, reading
 
 LABEL = "<U32"
+SUFFIXES = (".stl", ".obj", ".ply", ".vtp", ".vtu")
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -51,10 +55,42 @@ class Surface:
         """Triangle centroids, (m, 3), in m."""
         return self.points[self.triangles].mean(axis=1)
 
+    def curvature_radius(self, scale: float) -> Floats:
+        """Radius of curvature in m around each triangle, (m,), smoothed over `scale` (m).
+
+        On a sphere of radius R the normals within the distance s have a mean of length 1 − s²/(4R²); this is solved for R.
+        """
+        a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a) / 2
+        area = np.linalg.norm(normal, axis=1)
+        tree = cKDTree(self.centroids)
+        pairs = tree.sparse_distance_matrix(tree, scale, output_type="coo_matrix")
+        near = csr_array((np.ones(pairs.nnz), (pairs.row, pairs.col)), shape=(len(area), len(area))) + eye_array(len(area))
+        mean = (near @ normal) / (near @ area)[:, None]
+        return np.asarray(scale / 2 / np.sqrt(np.maximum(1 - np.linalg.norm(mean, axis=1), 1e-6)))
+
     def edge_sharing(self) -> Ints:
         """How many triangles share each edge, (n_edges,); a closed manifold has 2 everywhere."""
         edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         return np.unique(edges, axis=0, return_counts=True)[1].astype(np.int64)
+
+    def moved(self, mapping: Callable[[Floats], Floats]) -> Surface:
+        """The surface with every vertex mapped."""
+        return Surface(mapping(self.points), self.triangles, self.labels)
+
+    def signed_distance(self, points: Floats) -> Floats:
+        """Distance of each point, (n, 3), to the surface, (n,), positive on the side its normals point to.
+
+        Works on open surfaces too, near their faces; distances are exact to the triangles (VTK's implicit distance).
+        """
+        probe = pv.PolyData(np.ascontiguousarray(points)).compute_implicit_distance(self.to_pyvista())
+        return np.asarray(probe["implicit_distance"], dtype=float)
+
+    def contains(self, points: Floats, tolerance: float = 0.0) -> NDArray[np.bool_]:
+        """Whether each point, (n, 3), lies inside the closed surface or at most `tolerance` (m) outside."""
+        near = np.all((points >= self.points.min(axis=0) - tolerance) & (points <= self.points.max(axis=0) + tolerance), axis=1)
+        near[near] = self.signed_distance(points[near]) <= tolerance
+        return near
 
     def to_pyvista(self) -> pv.PolyData:
         """The same surface as a `pyvista.PolyData`."""
@@ -67,19 +103,19 @@ class Surface:
 
 
 def read_surface(path: Path) -> Surface:
-    """Read a triangulated surface (STL, OBJ, PLY, VTP) and merge its duplicate points.
+    """Read a triangulated surface (STL, OBJ, PLY, VTP, VTU) and merge its duplicate points.
 
     Raises
     ------
     InputError
         If the file is missing, unreadable or holds no triangles.
     """
-    with reading(path, "a surface in STL, OBJ, PLY or VTP"), quiet():
+    with reading(path, "a surface in STL, OBJ, PLY, VTP or VTU"), quiet():
         mesh = pv.read(path).extract_surface(algorithm=None).triangulate().clean()
     if not np.isfinite(mesh.points).all():
         raise InputError(f"{path}: a coordinate is not a finite number.")
     if mesh.n_cells == 0:
-        raise InputError(f"{path}: holds no triangles; a surface in STL, OBJ, PLY or VTP is expected.")
+        raise InputError(f"{path}: holds no triangles; a surface in STL, OBJ, PLY, VTP or VTU is expected.")
     return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
 
 

@@ -17,12 +17,32 @@ from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from . import meshing
+from . import foreign, meshing
 from .anatomy import Anatomy
 from .errors import InputError, reading
 from .fibres import Floats
 
 Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class MuscleEntry:
+    """Where a muscle from outside enters the tongue, on this rank.
+
+    Attributes
+    ----------
+    facets : (k,) int array
+        Local facets that it crosses, of owned cells.
+    nodes, share : (n,) int and float arrays
+        Geometry nodes of those facets, and the muscle's cross-section per area of surface there.
+    anchor : (3,) float array
+        Where it pulls to, in m.
+    """
+
+    facets: Ints
+    nodes: Ints
+    share: Floats
+    anchor: Floats
 
 
 @dataclass(frozen=True)
@@ -37,11 +57,14 @@ class MuscleCells:
         Its share at the vertices of each cell, 0…1.
     direction : (k, 4, 3) float array
         Unit fibre direction there.
+    entry : MuscleEntry, optional
+        For a muscle that comes from outside.
     """
 
     cells: Ints
     weight: Floats
     direction: Floats
+    entry: MuscleEntry | None = None
 
 
 @dataclass(frozen=True)
@@ -88,25 +111,26 @@ class TongueMesh:
 
     @classmethod
     def read(cls, path: Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
-        """Read ``FILE.msh`` and, where there is one, ``FILE.h5`` beside it.
+        """Read ``FILE.msh`` and ``FILE.h5`` beside it, or a mesh made elsewhere (see `foreign`).
 
         Raises
         ------
         InputError
-            If the file is missing, is not a mesh of linear tetrahedra whose cells and facets each have one physical
-            name, has an inverted cell, or does not belong to the ``.h5`` beside it.
+            If the file is missing, is not a mesh of linear tetrahedra whose cells and facets have physical names, has an
+            inverted cell, or does not belong to the ``.h5`` beside it.
         """
 
-        def open_and_check() -> None:
+        def open_and_check() -> dict[str, Any] | None:
             gmsh.initialize(interruptible=False)
             gmsh.option.setNumber("General.Terminal", 0)
             try:
                 _open_checked(path)
+                return _read_h5(path.with_suffix(".h5")) or foreign.muscles_of_model(path)
             except InputError:
                 gmsh.finalize()
                 raise
 
-        on_rank_zero(comm, open_and_check)
+        stored = on_rank_zero(comm, open_and_check)
         try:
             data = dgmsh.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0)
         finally:
@@ -116,7 +140,6 @@ class TongueMesh:
         assert facet_tags is not None
         facet_tags.name = "surfaces"
         surfaces = {name: group.tag for name, group in data.physical_groups.items() if group.dim == 2}
-        stored = on_rank_zero(comm, lambda: _read_h5(path.with_suffix(".h5")))
         if stored is None:
             return cls(mesh, facet_tags, surfaces, name=path.stem)
         row = _match_cells(mesh, stored["cells"], path)
@@ -127,7 +150,8 @@ class TongueMesh:
             touched[muscle["cells"]] = True
             cells = np.flatnonzero(touched[row]).astype(np.int32)
             at = np.searchsorted(muscle["nodes"], nodes[cells])
-            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at])
+            entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
+            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
         return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"])
 
     def facets(self, names: list[str]) -> Ints:
@@ -172,6 +196,8 @@ def _open_checked(path: Path) -> None:
         unnamed = [tag for tag, name in names.items() if not name]
         if unnamed:
             raise InputError(f"{path}: physical {what} {unnamed[0]} has no name of its own; every physical {what} needs one.")
+        if dim == 3:
+            foreign.partition()
         owners = Counter(e for _, tag in model.getPhysicalGroups(dim) for e in model.getEntitiesForPhysicalGroup(dim, tag))
         double = [e for e, count in owners.items() if count > 1]
         if double:
@@ -196,7 +222,7 @@ def _read_h5(path: Path) -> dict[str, Any] | None:
         stored = {
             "name": str(file.attrs["name"]),
             "cells": file["cells"][:],
-            "muscles": {name: {key: data[:] for key, data in group.items()} for name, group in file.get("muscles", {}).items()},
+            "muscles": {name: _tree(group) for name, group in file.get("muscles", {}).items()},
             "landmarks": {name: data[:] for name, data in file.get("landmarks", {}).items()},
         }
         if stored["cells"].ndim != 2 or stored["cells"].shape[1] != 4:
@@ -209,6 +235,24 @@ def _read_h5(path: Path) -> dict[str, Any] | None:
             if not np.allclose(np.linalg.norm(direction, axis=1), 1.0):
                 raise ValueError(f"muscles/{name}/direction is not of unit length")
         return stored
+
+
+def _tree(group: h5py.Group) -> dict[str, Any]:
+    return {key: _tree(item) if isinstance(item, h5py.Group) else item[:] for key, item in group.items()}
+
+
+def _entry(mesh: dmesh.Mesh, facets: Ints, stored: dict[str, Any]) -> MuscleEntry:
+    """The part of a muscle's entry on this rank."""
+    mesh.topology.create_connectivity(2, 3)
+    geometry = dmesh.entities_to_geometry(mesh, 2, facets)
+    given = mesh.geometry.input_global_indices
+    row = {tuple(sorted(triple)): i for i, triple in enumerate(stored["facets"].tolist())}
+    rows = np.array([row.get(tuple(sorted(triple)), -1) for triple in given[geometry].tolist()], dtype=np.int64)
+    mine = np.flatnonzero(rows >= 0)
+    values = dict(zip(stored["facets"].ravel().tolist(), stored["share"].ravel().tolist(), strict=True))
+    nodes = np.unique(geometry[mine])
+    share = np.array([values[node] for node in given[nodes].tolist()], dtype=float)
+    return MuscleEntry(facets[mine].astype(np.int32), nodes.astype(np.int32), share, stored["anchor"])
 
 
 def _match_cells(mesh: dmesh.Mesh, stored: Ints, path: Path) -> NDArray[np.int64]:
