@@ -17,6 +17,7 @@ from tongue_fenicsx.tonguemesh import on_rank_zero
 
 from mpi4py import MPI  # isort: skip
 
+EXAMPLE = Path(__file__).parents[1] / "demos" / "example_subject"
 SUBJECT = Path(__file__).parents[2] / "shared" / "data" / "subject_pb"
 
 needs_subject = pytest.mark.skipif(not SUBJECT.is_dir(), reason="the data of subject PB are not beside the project")

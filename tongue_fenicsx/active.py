@@ -31,12 +31,16 @@ def force_length(stretch: Expr) -> Expr:
     )
 
 
-def passive_tension(stretch: Expr) -> Expr:
-    """Passive fibre tension over σ_max of the normalised stretch λ̂: 0 to λ̂ = 1, exponential to 1.4, then linear (Blemker 2005)."""
-    p1, p2, end = 0.05, 6.6, 1.4
-    slope = p1 * p2 * math.exp(p2 * (end - 1))
+def tendon_tension(stretch: Expr) -> Expr:
+    """Tendon tension over σ_max of the normalised stretch λ̂: 0 to λ̂ = 1, exponential to 1.03, then linear; 1 at 1.06.
+
+    Form and exponent of Blemker 2005; her modulus is far above σ_max and would only stiffen the equations.
+    """
+    p2, end = 46.4, 1.03
+    toe, slope = math.exp(p2 * (end - 1)) - 1, p2 * math.exp(p2 * (end - 1))
+    p1 = 1 / (toe + slope * (1.06 - end))
     exponential = p1 * (ufl.exp(p2 * (ufl.min_value(stretch, end) - 1)) - 1)
-    return ufl.conditional(ufl.lt(stretch, 1.0), 0.0, exponential + slope * ufl.max_value(stretch - end, 0.0))
+    return ufl.conditional(ufl.lt(stretch, 1.0), 0.0, exponential + p1 * slope * ufl.max_value(stretch - end, 0.0))
 
 
 def _grenoble(rate: Expr) -> Expr:
@@ -108,7 +112,7 @@ class Contraction:
         """
         stretch, gradient = _isochoric_stretch(F, direction)
         rate = ufl.inner(_isochoric_stretch(F_frozen, direction)[1], F_rate)
-        total = tension * self.tension(stretch, rate) + tendon * passive_tension(stretch / self.optimal_stretch)
+        total = tension * self.tension(stretch, rate) + tendon * tendon_tension(stretch / self.optimal_stretch)
         return total / self.optimal_stretch * gradient
 
     def tension(self, stretch: Expr, rate: Expr) -> Expr:

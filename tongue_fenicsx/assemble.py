@@ -28,7 +28,9 @@ MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
 
 def anatomy_of(source: MeshSection) -> Anatomy:
     """The anatomy that a mesh section names."""
-    return parametric_tongue() if source.subject is None else read_subject(Path(source.subject))
+    if source.subject is not None:
+        return read_subject(Path(source.subject))
+    return parametric_tongue(source.shape.shape(), source.split)
 
 
 def size_of(source: MeshSection) -> float:

@@ -55,12 +55,12 @@ VAULT_POWER = 2.6
 
 VELUM_FROM = 22.0
 
-WALL = np.array([(-33.0, 55.0), (-23.0, 58.0), (-13.0, 60.0), (-3.0, 60.4), (7.0, 60.0), (17.0, 59.0), (27.0, 59.0), (45.0, 59.0)])
+WALL = np.array([(-33.0, 55.0), (-23.0, 58.0), (-13.0, 60.0), (-3.0, 60.4), (7.0, 59.8), (17.0, 58.6), (27.0, 58.6), (45.0, 58.6)])
 """Rear pharyngeal wall, x over z, in the mid-sagittal plane."""
 
 MANDIBLE_OUTER = np.array([
-    (-21.0, 0.0), (-19.5, 9.0), (-15.5, 15.5), (-10.5, 19.5), (-4.5, 23.0), (1.5, 25.6), (7.5, 28.8), (13.5, 32.8), (19.5, 37.0), (27.0, 41.5),
-    (38.0, 45.0), (52.0, 47.0), (60.0, 47.5),
+    (-21.0, 0.0), (-19.5, 9.0), (-15.5, 15.5), (-10.5, 19.5), (-4.5, 23.0), (1.5, 25.6), (7.5, 28.8), (13.5, 32.8), (19.5, 37.0),
+    (27.0, 41.5), (38.0, 45.0), (52.0, 47.0), (60.0, 47.5),
 ])  # fmt: skip
 MANDIBLE_INNER = np.array(
     [(60.0, 40.0), (43.5, 33.0), (37.5, 27.8), (31.5, 22.6), (25.5, 18.6), (19.5, 15.0), (13.5, 12.2), (7.5, 8.7), (4.0, 5.0), (2.0, 0.0)]
@@ -112,7 +112,7 @@ def parametric_bones(profile: Profile) -> dict[str, Surface]:
         "pharynx": _pharynx(),
         "upper_teeth": _solid(apart(_arch(UPPER_ARCH, 27.0, 34.5), 0.8), (-32, -36, 23), (30, 36, 39), 1.0),
         "lower_teeth": _solid(apart(_arch(LOWER_ARCH, 14.5, 25.5), 0.8), (-30, -37, 11), (33, 37, 29), 1.0),
-        "mandible": _solid(apart(_mandible(), 1.5), (-26, -53, -24), (66, 53, 68), 1.5),
+        "mandible": _solid(apart(_mandible(), 2.0), (-26, -53, -24), (66, 53, 68), 1.5),
         "hyoid": _solid(apart(_hyoid, 1.0), (28, -28, -26), (68, 28, -2), 1.0),
     }
 
@@ -130,7 +130,7 @@ def _solid(field: Field, lower: tuple[float, ...], upper: tuple[float, ...], spa
         dimensions=[round((high - low) / spacing) + 1 for low, high in zip(lower, upper, strict=True)], spacing=(spacing,) * 3, origin=lower
     )
     grid["field"] = -field(np.asarray(grid.points, dtype=float))
-    mesh = grid.contour([0.0], scalars="field").clean(tolerance=1e-4).smooth_taubin(n_iter=10)
+    mesh = grid.contour([0.0], scalars="field").clean(tolerance=1e-4).smooth_taubin(n_iter=40)
     surface = Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
     return surface if surface.volume > 0 else Surface(surface.points, surface.triangles[:, ::-1].copy())
 
@@ -150,7 +150,7 @@ def _mandible() -> Field:
 
     def field(p: Floats) -> Floats:
         x = np.clip(p[:, 0], MANDIBLE_LOW[0, 0], MANDIBLE_LOW[-1, 0])
-        return _least([_plan(plan, p[:, :2]), p[:, 2] - low(x), high(x) - p[:, 2]], 1.5)
+        return _least([_plan(plan, p[:, :2]), p[:, 2] - low(x), (high(x) - p[:, 2]) / 2], 2.5)
 
     return field
 

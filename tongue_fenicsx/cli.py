@@ -18,6 +18,8 @@ from rich.table import Table
 from .errors import InputError, SolveError, check_outputs
 
 if TYPE_CHECKING:
+    from .comparison import Agreement
+    from .shape import TongueShape
     from .simulation import Progress as StepReport
 
 app = typer.Typer(
@@ -26,7 +28,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-console = Console(soft_wrap=True)
+console = Console(soft_wrap=True, width=None if sys.stdout.isatty() else 120)
 errors = Console(stderr=True, soft_wrap=True, highlight=False)
 
 Changes = Annotated[
@@ -45,6 +47,19 @@ def build(
     ] = Path("tongue.msh"),
     preset: Annotated[str | None, typer.Option(help="coarse, medium or reference.")] = None,
     size: Annotated[float | None, typer.Option(metavar="MM", help="Element size in mm instead of a preset.")] = None,
+    shape: Annotated[
+        list[str] | None,
+        typer.Option("--shape", metavar="KEY=MM", help="length, width, height, root, tip in mm, or scale, of the parametric tongue."),
+    ] = None,
+    sex: Annotated[str | None, typer.Option(help="male or female: the mean size of the parametric tongue.")] = None,
+    age: Annotated[float | None, typer.Option(metavar="YEARS", help="With --sex; growth until 18.")] = None,
+    split: Annotated[
+        list[str] | None, typer.Option("--split", metavar="MUSCLE", help="GGP into GGP and GGH, or SL into a left and a right half.")
+    ] = None,
+    compare_with: Annotated[
+        Path | None, typer.Option("--compare", metavar="SUBJECT_FOLDER", help="Judge every muscle by a subject's.")
+    ] = None,
+    figures: Annotated[bool, typer.Option("--figures", help="Draw the muscles and the bones: FILE-muscles.png, FILE-bones.png.")] = False,
 ) -> None:
     """Mesh the parametric tongue or a real subject."""
     from mpi4py import MPI
@@ -55,32 +70,114 @@ def build(
 
     if preset is not None and size is not None:
         raise InputError("--preset and --size: give one of them.")
+    if subject is not None and (shape or sex or split or age is not None):
+        raise InputError("--shape, --sex, --age and --split belong to the parametric tongue, not to a subject.")
     preset = "coarse" if preset is None else preset
     if preset not in meshing.PRESETS:
         raise InputError(f"--preset: {preset!r} is not one of {', '.join(meshing.PRESETS)}.")
-    source = MeshSection(parametric=preset) if subject is None else MeshSection(subject=str(subject))
     element = meshing.PRESETS[preset] if size is None else 1e-3 * size
+
+    def work() -> dict[str, Any]:
+        from .comparison import compare
+        from .parametric import parametric_tongue
+
+        if subject is not None:
+            anatomy = assemble.anatomy_of(MeshSection(subject=str(subject)))
+        else:
+            anatomy = parametric_tongue(_shape(shape or [], sex, age), split or [])
+        reference = None if compare_with is None else assemble.anatomy_of(MeshSection(subject=str(compare_with)))
+        built = meshing.build(anatomy, output, element)
+        if reference is not None:
+            _show_agreement(compare(anatomy, reference), reference.name)
+        if figures:
+            from . import portraits
+
+            portraits.muscles(anatomy, output.with_name(f"{output.stem}-muscles.png"))
+            portraits.surroundings(anatomy, output.with_name(f"{output.stem}-bones.png"))
+        return built
+
     comm = MPI.COMM_WORLD
-    figures = on_rank_zero(comm, lambda: meshing.build(assemble.anatomy_of(source), output, element))
+    built = on_rank_zero(comm, work)
     if comm.rank == 0:
-        _show_mesh(figures, output)
+        _show_mesh(built, output)
+        if figures:
+            console.print(f"pictures: {output.with_name(f'{output.stem}-muscles.png')}, {output.with_name(f'{output.stem}-bones.png')}")
+
+
+def _shape(changes: list[str], sex: str | None, age: float | None) -> TongueShape:
+    """The shape that the options of ``build`` describe."""
+    from .shape import RANGES, TongueShape
+
+    if age is not None and sex is None:
+        raise InputError("--age: needs --sex male or female.")
+    values = {} if sex is None else {"scale": TongueShape.of_person(sex, 30.0 if age is None else age).scale}
+    for change in changes:
+        key, _, text = change.partition("=")
+        if key not in RANGES:
+            raise InputError(f"--shape {change}: {key!r} is not one of {', '.join(RANGES)}.")
+        try:
+            number = float(text)
+        except ValueError:
+            raise InputError(f"--shape {change}: KEY=NUMBER is expected, in mm (scale without unit).") from None
+        values[key] = number if key == "scale" else 1e-3 * number
+    return TongueShape(**values)
+
+
+def _show_agreement(agreement: dict[str, Agreement], name: str) -> None:
+    table = Table(
+        "muscle", "Dice overlap", "fibre angle °", "length ratio", "volume ratio", title=f"against {name}, aligned by spine, tip and root"
+    )
+    for muscle, a in agreement.items():
+        table.add_row(muscle, f"{a.dice:.2f}", f"{a.angle:.1f}", f"{a.length_ratio:.2f}", f"{a.volume_ratio:.2f}")
+    console.print(table)
 
 
 def _show_mesh(figures: dict[str, Any], path: Path) -> None:
-    table = Table("muscle", "volume cm³", "cells", "fibre length mm", "PCSA mm²", title=str(figures["name"]))
+    columns = (
+        "muscle",
+        "volume cm³",
+        "measured cm³",
+        "cells",
+        "fibre length mm",
+        "direction error °",
+        "PCSA mm²",
+        "peak stress kPa",
+        "full name",
+    )
+    table = Table(*columns, title=str(figures["name"]))
     for name, m in figures["muscles"].items():
-        pcsa = "–" if m["pcsa_m2"] is None else f"{1e6 * m['pcsa_m2']:.0f}"
-        table.add_row(name, f"{1e6 * m['volume_m3']:.2f}", str(m["n_cells"]), f"{1e3 * m['mean_length_m']:.0f}", pcsa)
+        stress = "/".join(f"{1e-3 * s:.3g}" for s in m.get("peak_stress_pa", {}).values())
+        table.add_row(
+            name,
+            f"{1e6 * m['volume_m3']:.2f}",
+            _number(m["measured_volume_m3"], 1e6, ".2f"),
+            str(m["n_cells"]),
+            f"{1e3 * m['mean_length_m']:.0f}",
+            f"{m['direction_error_deg']:.1f}",
+            _number(m["pcsa_m2"], 1e6, ".0f"),
+            stress or "–",
+        )
     console.print(table)
+    console.print("peak stress for calka/buchaillard/kappert tissue; full names and sources stand in the .json beside the mesh")
     console.print(
-        f"volume {1e6 * figures['volume_m3']:.1f} cm³, dorsal arc {1e3 * figures['arc_length_m']:.1f} mm, "
+        f"volume {1e6 * figures['volume_m3']:.1f} cm³, of it the tongue proper {1e6 * figures['proper_volume_m3']:.1f} cm³ "
+        f"({1e6 * figures['proper_volume_m3']:.0f} g at 1000 kg/m³), dorsal arc {1e3 * figures['arc_length_m']:.1f} mm, "
         f"chord {1e3 * figures['chord_m']:.1f} mm, oral width {1e3 * figures['width_m']:.1f} mm, "
         f"mid-sagittal area {1e4 * figures['midsagittal_area_m2']:.1f} cm²"
     )
+    if figures["gaps_m"]:
+        gaps = ", ".join(f"{name.replace('_', ' to ')} {1e3 * gap:.1f} mm" for name, gap in figures["gaps_m"].items())
+        console.print(f"gaps at rest: {gaps}")
+    landmarks = (f"{name} ({', '.join(f'{1e3 * c:.1f}' for c in point)})" for name, point in figures["landmarks"].items())
+    console.print(f"landmarks in mm: {', '.join(landmarks)}")
     console.print(f"{figures['n_nodes']} nodes (quadratic), {figures['n_cells']} tetrahedra, smallest SICN {figures['min_sicn']:.2f}")
     for note in figures["notes"]:
         console.print(note)
     console.print(f"wrote {path}, {path.with_suffix('.h5').name} and {path.with_suffix('.json').name}")
+
+
+def _number(value: float | None, factor: float, form: str) -> str:
+    return "–" if value is None else format(factor * value, form)
 
 
 @app.command()

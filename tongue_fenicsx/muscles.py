@@ -39,8 +39,8 @@ CATALOGUE: dict[str, MuscleFacts] = {
     "GGH": MuscleFacts(
         "genioglossus_hyoid",
         "superior genial spine to the hyoid: the lowest fibres of GGP, where they are split off",
-        42e-6,
-        "a quarter of GGP, as of its fibres; division after Calka et al. 2025 (G-OBIM)",
+        34e-6,
+        "a fifth of GGP, as of its fibres; division after Calka et al. 2025 (G-OBIM)",
     ),
     "GGM": MuscleFacts("genioglossus_medial", "superior genial spine to the middle of the dorsum", 55e-6),
     "GGA": MuscleFacts("genioglossus_anterior", "superior genial spine to the blade", 82e-6),

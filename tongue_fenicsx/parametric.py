@@ -156,7 +156,7 @@ def _attachment(centroids: Floats) -> np.ndarray:
     x, y, z = centroids.T
     symphysis = (x < np.where(z < -5.0, 4.0, 2.0)) & (z < 5.0)
     line = np.interp(x, [0, 6, 10, 16, 24], [-9.0, -7.0, -5.5, -2.5, 1.0])
-    mylohyoid = (x < 24.0) & (abs(z - line) < 3.5) & (y > 4.0)
+    mylohyoid = (abs(z - line) < 3.0) & (x < 16.0) & (y > 4.0)
     body = (x > 30.5) & (x < 37.0) & (y < 12.0) & (z < -9.0)
     horn = (abs(y - np.interp(x, [35, 42, 54], [10.0, 14.5, 20.5])) < 4.0) & (x > 34.0) & (z < -5.0)
     hyoid = body | horn
@@ -215,12 +215,12 @@ def _styloglossus(profile: Profile) -> Lines:
         [(30.0, 17.5, 20.0), (25.0, 11.0, 15.0), (23.0, 1.5, 14.0)],
         [(28.0, 16.5, 17.5), (21.0, 10.0, 12.5), (18.5, 1.5, 11.0)],
     ]
-    return [_smooth([tuple(STYLOID), entry, *end], 60) for entry, end in zip(entries, ends, strict=True)]
+    return [np.vstack([STYLOID, _smooth([entry, *end], 48)]) for entry, end in zip(entries, ends, strict=True)]
 
 
 def _hyoglossus(profile: Profile) -> Lines:
     lines = []
-    for s in np.linspace(0, 1, 6):
+    for s in np.linspace(0, 1, 11):
         origin = np.array([33.0 + 17 * s, 9.5 + 8.5 * s, -10.0 + 1.5 * s])
         middle = np.array([30.0 + 17 * s, 14.0 + 5 * s, 5.0 + 3.0 * s])
         end = np.array([21.5 + 15 * s, 13.0 + 5.0 * s, 19.0 + 14 * s])
@@ -268,8 +268,8 @@ def _superior_longitudinal(profile: Profile) -> Lines:
 
 def _verticalis(profile: Profile) -> Lines:
     lines = []
-    for under_skin in _dorsal_shell(profile, np.array([0.3, 0.5, 0.7, 0.86]), 2.5):
-        for top in under_skin[2:-2:2]:
+    for under_skin in _dorsal_shell(profile, np.linspace(0.3, 0.86, 6), 2.5):
+        for top in under_skin[2:-2]:
             # like the fan of genioglossus, but without turning inward in the blade
             front = np.clip(-top[0] / 16, 0, 1)
             centre = np.array([2.0, (0.35 + 0.6 * front) * top[1], 2.0 + 6.0 * front])
@@ -298,7 +298,7 @@ def _geniohyoid(profile: Profile) -> Lines:
 
 def _mylohyoid(profile: Profile) -> Lines:
     lines = []
-    for x in np.arange(5.5, 30.0, 3.0):
+    for x in np.arange(5.5, 30.0, 1.5):
         z = float(np.interp(x, [0, 6, 10, 16, 22, 29], [-9.0, -6.5, -5, -1, 4, 10]))
         side = float(profile.half_width(np.array([[x, z]]))[0]) - 1.0
         low = -13.1
@@ -309,16 +309,16 @@ def _mylohyoid(profile: Profile) -> Lines:
 
 
 RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
-    "GGP": (partial(_genioglossus, angles=np.arange(-1.0, 44.0, 6.0), spread=(1.2, 4.5, 7.0)), 2.2),
-    "GGM": (partial(_genioglossus, angles=np.arange(48.0, 64.0, 4.5), spread=(1.2, 4.5)), 2.0),
+    "GGP": (partial(_genioglossus, angles=np.arange(-1.0, 43.0, 3.0), spread=(1.2, 3.2, 5.2, 7.2)), 1.62),
+    "GGM": (partial(_genioglossus, angles=np.arange(47.5, 64.0, 2.7), spread=(1.2, 2.9, 4.6)), 1.62),
     "GGA": (partial(_genioglossus, angles=np.arange(68.0, 122.0, 7.0), spread=(1.2, 4.5)), 1.78),
     "SG": (_styloglossus, 1.8),
-    "HG": (_hyoglossus, 2.6),
+    "HG": (_hyoglossus, 2.4),
     "IL": (_inferior_longitudinal, 1.9),
-    "VERT": (_verticalis, 2.15),
+    "VERT": (_verticalis, 1.2),
     "TRANS": (_transversus, 2.75),
     "GH": (_geniohyoid, 2.4),
-    "MH": (_mylohyoid, 2.0),
+    "MH": (_mylohyoid, 1.72),
 }
 """Fibres and the radius in mm around them that the muscle fills, for the muscles that have a left and a right."""
 

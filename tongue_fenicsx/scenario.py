@@ -17,6 +17,8 @@ from .activation import Activation
 from .active import FORCE_VELOCITY
 from .errors import InputError, reading
 from .meshing import PRESETS
+from .parametric import SPLITTABLE
+from .shape import TongueShape
 
 Number = Annotated[float, Field(strict=True)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -51,6 +53,21 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class ShapeSection(Section):
+    """Another size or form of the parametric tongue (see `shape.TongueShape`)."""
+
+    length: Finite | None = None
+    width: Finite | None = None
+    height: Finite | None = None
+    root: Finite | None = None
+    tip: Finite | None = None
+    scale: Finite | None = None
+
+    def shape(self) -> TongueShape:
+        """The shape, with the drawing's values where none is given; lengths in m."""
+        return TongueShape(**self.model_dump(exclude_none=True))
+
+
 class MeshSection(Section):
     """Where the mesh comes from: one of a file, a preset of the parametric tongue, or a subject's folder."""
 
@@ -58,6 +75,8 @@ class MeshSection(Section):
     parametric: Annotated[str, one_of(PRESETS)] | None = None
     subject: str | None = None
     size: Positive | None = None
+    shape: ShapeSection = ShapeSection()
+    split: list[Annotated[str, one_of(SPLITTABLE)]] = []
 
     @model_validator(mode="after")
     def _one_source(self) -> MeshSection:
@@ -65,6 +84,8 @@ class MeshSection(Section):
             raise ValueError("exactly one of file, parametric and subject is expected")
         if self.size is not None and self.file is not None:
             raise ValueError("size belongs to parametric or subject; the mesh file already has one")
+        if self.parametric is None and (self.shape.model_fields_set or self.split):
+            raise ValueError("shape and split belong to parametric")
         return self
 
 
@@ -159,7 +180,14 @@ class Scenario(Section):
         """The same scenario with every length in m (gravity is always in m/s²)."""
         if self.units == "m":
             return self
-        mesh = self.mesh.model_copy(update={"size": None if self.mesh.size is None else 1e-3 * self.mesh.size})
+        given = {} if self.mesh.shape is None else self.mesh.shape.model_dump(exclude_none=True)
+        form = {name: value if name == "scale" else 1e-3 * value for name, value in given.items()}
+        mesh = self.mesh.model_copy(
+            update={
+                "size": None if self.mesh.size is None else 1e-3 * self.mesh.size,
+                "shape": ShapeSection(**form),
+            }
+        )
         written = self.muscles.model_fields_set
         tendon = 1e-3 * self.muscles.tendon_length if "tendon_length" in written else self.muscles.tendon_length
         probes = self.probes and {n: p if isinstance(p, str) else (1e-3 * p[0], 1e-3 * p[1], 1e-3 * p[2]) for n, p in self.probes.items()}

@@ -14,12 +14,13 @@ from .fibres import Floats
 
 MM = 1e-3
 RANGES = {
-    "length": (58.0, 84.0), "width": (40.0, 60.0), "height": (32.0, 48.0), "root": (-5.0, 8.0), "tip": (-4.0, 10.0), "scale": (0.4, 1.3),
+    "length": (0.058, 0.084), "width": (0.040, 0.060), "height": (0.032, 0.048), "root": (-0.005, 0.008), "tip": (-0.004, 0.010),
+    "scale": (0.4, 1.3),
 }  # fmt: skip
-"""What is accepted for each parameter of a shape."""
+"""What is accepted for each parameter of a shape, in m."""
 
-BASE = {"length": 70.0, "width": 50.0, "height": 39.4}
-"""The tongue as drawn, in mm."""
+BASE = {"length": 0.070, "width": 0.050, "height": 0.0394}
+"""The tongue as drawn, in m."""
 
 ADULT_VOLUME = {"male": 89.9, "female": 68.9}
 """Volume of the tongue proper in cm³: means of 35 men and 35 women, 20 to 37 years (Liégeois 2010, MRI)."""
@@ -39,15 +40,15 @@ class TongueShape:
     Attributes
     ----------
     length : float
-        Chord from tip to root in mm, 58 to 84.
+        Chord from tip to root in m, 0.058 to 0.084.
     width : float
-        Largest width of the oral part in mm, 40 to 60.
+        Largest width of the oral part in m, 0.040 to 0.060.
     height : float
-        Height of the dorsum over the genial spine in mm, 32 to 48.
+        Height of the dorsum over the genial spine in m, 0.032 to 0.048.
     root : float
-        How much farther back the root lies, in mm, -5 to 8.
+        How much farther back the root lies, in m, -0.005 to 0.008.
     tip : float
-        How much farther the blade reaches forward, in mm, -4 to 10.
+        How much farther the blade reaches forward, in m, -0.004 to 0.010.
     scale : float
         Of everything, 0.4 to 1.3; `of_person` finds it from sex and age.
 
@@ -68,7 +69,7 @@ class TongueShape:
         for item in fields(self):
             value, (low, high) = getattr(self, item.name), RANGES[item.name]
             if not low <= value <= high:  # also catches NaN
-                unit = "" if item.name == "scale" else " mm"
+                unit = "" if item.name == "scale" else " m"
                 raise InputError(f"shape.{item.name}: {value:g}{unit} is out of range; {low:g} to {high:g}{unit} is accepted.")
 
     @classmethod
@@ -93,7 +94,8 @@ class TongueShape:
     def _along(self) -> tuple[Floats, Floats]:
         """x as drawn and x placed, before scaling, in mm; increasing."""
         x = np.linspace(-150.0, 200.0, 7001)
-        placed = x * self.length / BASE["length"] + self.root * _smoothstep((x - 12.0) / 30.0) - self.tip * _smoothstep((-4.0 - x) / 12.0)
+        root, tip = self.root / MM, self.tip / MM
+        placed = x * self.length / BASE["length"] + root * _smoothstep((x - 12.0) / 30.0) - tip * _smoothstep((-4.0 - x) / 12.0)
         return x, placed
 
     def place(self, points: Floats) -> Floats:

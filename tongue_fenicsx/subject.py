@@ -299,7 +299,7 @@ def _muscles(
         name = "_".join(filter(None, (SYNONYMS.get(base, base), side)))
         if name in muscles:
             raise InputError(f"{path}: {bundle!r} is {name} a second time; STY is another name of SG.")
-        fibres = FibreBundle(lines, smoothing=5e-3)
+        fibres = FibreBundle(lines, smoothing=1.5e-3)
         points, _, lengths = fibres.segments
         share = lengths[surface.contains(points, 1e-3)].sum() / lengths.sum()
         if share < 0.2:
