@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 from pathlib import Path
@@ -109,7 +110,7 @@ def test_bones(parametric: tf.Anatomy) -> None:
     assert found["dorsum_palate"] == pytest.approx(0.008, abs=0.0005)
     assert found["tip_palate"] == pytest.approx(0.008, abs=0.0005)
     assert 0.008 <= found["root_pharynx"] <= 0.009
-    for x, inner, apart in ((7.5, 8.6, 3.0), (19.5, 14.8, 4.5), (31.5, 21.5, 3.0)):  # our tongue is the wider one at 19.5
+    for x, inner, apart in ((7.5, 8.6, 3.0), (19.5, 14.8, 4.5), (31.5, 21.5, 4.5)):  # where our tongue is the wider one, it says how wide
         section = 1e3 * bones["mandible"].to_pyvista().slice(normal="x", origin=(1e-3 * x, 0, 0)).points
         assert abs(section[:, 1]).min() == pytest.approx(inner, abs=apart)
     hyoid = 1e3 * bones["hyoid"].points
@@ -365,7 +366,7 @@ def _subject(folder: Path, axes: str, unit: float) -> None:
     for name, muscle in anatomy.muscles.items():
         points = [given(line) for line in muscle.fibres.lines]
         start = np.cumsum([0, *map(len, points)])
-        cells = [entry for first, last in zip(start[:-1], start[1:], strict=True) for entry in (last - first, *range(first, last))]
+        cells = [entry for first, last in itertools.pairwise(start) for entry in (last - first, *range(first, last))]
         pv.PolyData(np.vstack(points), lines=cells).save(folder / "fibres" / f"{name}.vtp")
     bonded = {bone: np.unique(anatomy.surface.triangles[anatomy.surface.labels == bone]) for bone in ("mandible", "hyoid")}
     lists = {bone: given(anatomy.surface.points[nodes]).tolist() for bone, nodes in bonded.items()}

@@ -8,20 +8,26 @@ import pytest
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
+from dolfinx.mesh import entities_to_geometry
 
 import tongue_fenicsx as tf
 from tongue_fenicsx import jit
 from tongue_fenicsx.model import WeakForm
 from tongue_fenicsx.passive import bulk_modulus
-from tongue_fenicsx.tonguemesh import MuscleCells
+from tongue_fenicsx.tonguemesh import MuscleCells, MuscleEntry
+
+ANCHOR = np.array([0.05, 0.01, 0.02])
 
 
-def with_fibres(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> tf.TongueMesh:
-    """The block as one muscle."""
+def with_fibres(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.0, 0.0, 0.0), entry: bool = False) -> tf.TongueMesh:
+    """The block as one muscle, which with `entry` comes from outside through 0.7 of its right face."""
     index_map = block.mesh.topology.index_map(3)
     cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     unit = np.array(direction) / np.linalg.norm(direction)
-    field = MuscleCells(cells, np.ones((len(cells), 4)), np.tile(unit, (len(cells), 4, 1)))
+    facets = block.facets(["right"])
+    nodes = np.unique(entities_to_geometry(block.mesh, 2, facets))
+    pull = MuscleEntry(facets, nodes, np.full(len(nodes), 0.7), ANCHOR) if entry else None
+    field = MuscleCells(cells, np.ones((len(cells), 4)), np.tile(unit, (len(cells), 4, 1)), pull)
     return tf.TongueMesh(block.mesh, block.facet_tags, block.surfaces, {"GGP_L": field}, {}, "bar")
 
 
@@ -159,14 +165,14 @@ def assembled(form: fem.Form) -> np.ndarray:
 def test_tangent_against_finite_differences(block: tf.TongueMesh, nu: float, volumetric: str, force_velocity: str) -> None:
     """The tangent matches central differences of the residual whose stretch rate is measured with fixed ∂λ̄/∂F."""
     weak = weak_form(
-        with_fibres(block, (1.0, 0.4, -0.2)),
+        with_fibres(block, (1.0, 0.4, -0.2), entry=True),
         ["GGP_L"],
         passive=tf.Yeoh(192.0, 90.0, nu, volumetric),
         contraction=tf.Contraction(force_velocity=force_velocity, tendon_length=0.0),
         damping=tf.Rayleigh(20.0, 0.01),
         sigma_max={"GGP": 3e3},
     )
-    weak.slots.activate({"GGP_L": 0.6})
+    weak.set_time(1.0, {"GGP_L": 0.6})
     rng = np.random.default_rng(1)
     F = np.eye(3) + 0.1 * rng.standard_normal((3, 3))
     homogeneous(weak, F)
@@ -220,16 +226,34 @@ def test_tendon_zone(block: tf.TongueMesh) -> None:
     np.testing.assert_allclose(factor, [0, 0.5, 1, 1], atol=1e-9)
 
 
-@pytest.mark.parametrize(("stretch", "tension"), [(0.9, 0.0), (1.2, 0.05 * (np.exp(1.32) - 1)), (1.5, 0.05 * (1.66 * np.exp(2.64) - 1))])
-def test_tendon_carries_passive_tension(block: tf.TongueMesh, stretch: float, tension: float) -> None:
-    """At rest, a fibre that is all tendon resists stretch with Blemker's passive tension: exponential, then linear from 1.4."""
-    weak = weak_form(with_fibres(block), ["GGP_L"], sigma_max={"GGP": 2e3})
-    weak.slots.activate({"GGP_L": 0.0})
-    weak.slots.tendons[0].x.array[:] = 2e3
+@pytest.mark.parametrize(("stretch", "tension"), [(0.9, 0.0), (1.02, 0.17737), (1.06, 1.0), (1.2, 4.03067)])
+def test_tendon_carries_tension(block: tf.TongueMesh, stretch: float, tension: float) -> None:
+    """Blemker's tendon: exp(46.4 (λ − 1)) − 1 to λ = 1.03, then its tangent, over its value at 1.06; from a sheet of numbers."""
+    law = tf.Contraction(force_velocity="none")
+    weak = weak_form(with_fibres(block), ["GGP_L"])
     F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
     homogeneous(weak, F)
-    sigma = stress_at_quadrature(weak, weak.active_stress(weak.u, fem.Function(weak.V))) @ F.T
-    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(2e3 * tension * stretch, rel=1e-10, abs=1e-9)
+    I = ufl.Identity(3)  # noqa: E741
+    G = I + ufl.grad(weak.u)
+    P = stress_at(weak, law.stress(G, 0 * G, G, ufl.as_vector([1.0, 0.0, 0.0]), 0.0, 1.0))
+    assert P[0, 0] == pytest.approx(tension * 2 / 3, abs=1e-4)
+
+
+def test_pull_from_outside(block: tf.TongueMesh) -> None:
+    """At rest the pull is 0.7 × peak stress × activation × area, toward the anchor; nearer by 5 % it follows force–length."""
+    weak = weak_form(with_fibres(block, entry=True), ["GGP_L"], sigma_max={"GGP": 3e3}, contraction=tf.Contraction("none"))
+    weak.set_time(1.0, {"GGP_L": 0.4})
+    form = fem.form(sum(weak.outer_work(weak.u, 0 * weak.u, ufl.TestFunction(weak.V))))
+
+    def force() -> np.ndarray:
+        return assembled(form).reshape(-1, 3).sum(axis=0)
+
+    centre = np.array([0.02, 0.005, 0.005])
+    toward = (ANCHOR - centre) / np.linalg.norm(ANCHOR - centre)
+    expected = 0.7 * 3e3 * 0.4 * 1e-4 * toward
+    np.testing.assert_allclose(force(), expected, rtol=2e-2)
+    weak.u.interpolate(lambda X: 0.05 * (ANCHOR[:, None] - X))
+    np.testing.assert_allclose(force(), 0.99 * expected, rtol=2e-2)
 
 
 def test_bulk_modulus() -> None:

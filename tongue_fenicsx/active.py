@@ -240,13 +240,17 @@ class OuterPull:
         """Set the activation, 0…1."""
         self._level.value = self._sigma_max * levels[self.name]
 
-    def work(self, law: Contraction, u: Expr, v: Expr, w: Expr) -> Expr:
-        """Virtual work of the pull on `w`."""
+    def work(self, law: Contraction, u: Expr, v: Expr, frozen: Expr, w: Expr) -> Expr:
+        """Virtual work of the pull on `w`; `frozen` is the displacement that the rate of the distance holds fixed."""
         X = ufl.SpatialCoordinate(self._ds.ufl_domain())
-        line, at_rest = self._anchor - X - u, self._anchor - X
-        length, rest = ufl.sqrt(ufl.dot(line, line)), ufl.sqrt(ufl.dot(at_rest, at_rest))
-        tension = law.tension(length / rest, -ufl.dot(line, v) / (length * rest))
-        return self._level * self._share * tension * ufl.dot(line, w) / length * self._ds
+        line, rest = self._anchor - X - u, _norm(self._anchor - X)
+        held = self._anchor - X - frozen
+        tension = law.tension(_norm(line) / rest, -ufl.dot(held, v) / (_norm(held) * rest))
+        return self._level * self._share * tension * ufl.dot(line, w) / _norm(line) * self._ds
+
+
+def _norm(vector: Expr) -> Expr:
+    return ufl.sqrt(ufl.dot(vector, vector))
 
 
 def smooth_fade(distance: Floats, length: float) -> NDArray[np.float64]:

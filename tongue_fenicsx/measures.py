@@ -82,8 +82,7 @@ class Measures:
         self._expression = fem.Expression(weak.densities(weak.u, v), points, jit_options=jit.options())
         self._weak = weak
         self._points = np.einsum("qv,cvd->cqd", np.column_stack([1 - points.sum(axis=1), points]), corners)
-        w = ufl.TestFunction(weak.V)
-        works = [pull.work(weak.model.contraction, weak.u, v, w) for pull in weak.pulls]
+        works = [ufl.replace(work, {weak.frozen: weak.u}) for work in weak.outer_work(weak.u, v, ufl.TestFunction(weak.V))]
         self._pull = fem.form(sum(works[1:], works[0]), jit_options=jit.options()) if works else None
         self.balance = Balance()
         self._previous: tuple[Floats, Floats, Floats] | None = None

@@ -204,13 +204,17 @@ class WeakForm:
         """Inner product of an acceleration with a test function, weighted by the density."""
         return self._density * ufl.inner(a, w) * self.dx_mass
 
+    def outer_work(self, u: Expr, v: Expr, w: Expr) -> list[Expr]:
+        """Virtual work on `w` of each muscle that pulls from outside."""
+        return [pull.work(self.model.contraction, u, v, self.frozen, w) for pull in self.pulls]
+
     def residual(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """The weak form tested with `w`."""
         stress = self.passive_stress(u) + self.active_stress(u, v)
         if self.model.damping.beta > 0:
             stress += self.damping_stress(v)
         form = ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
-        return sum((-pull.work(self.model.contraction, u, v, w) for pull in self.pulls), form)
+        return sum((-work for work in self.outer_work(u, v, w)), form)
 
     def densities(self, u: Expr, v: Expr) -> Expr:
         """What energies are made of, 34 numbers per point: F, P_active, P_damping, Ψ, u, v."""
