@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import write_block
+from conftest import EXAMPLE, write_block
 
 from tongue_fenicsx import Run
 from tongue_fenicsx.cli import main
@@ -85,6 +85,39 @@ def test_bad_scenarios(scenario: Path, capsys: pytest.CaptureFixture[str], chang
     assert len(text.strip().splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--shape", "width=90"], "shape.width: 0.09 m is out of range; 0.04 to 0.06 m is accepted"),
+        (["--shape", "girth=50"], "'girth' is not one of length, width, height, root, tip, scale"),
+        (["--shape", "width=wide"], "KEY=NUMBER is expected"),
+        (["--sex", "both"], "sex: 'both' is not one of male, female"),
+        (["--age", "8"], "--age: needs --sex"),
+        (["--sex", "male", "--age", "-3"], "age: -3 years is out of range"),
+        (["--split", "HG"], "split: 'HG' is not one of GGP, SL"),
+        (["--compare", "nowhere"], "nowhere: the subject folder does not exist"),
+        ([str(EXAMPLE), "--shape", "width=45"], "belong to the parametric tongue, not to a subject"),
+        (["--preset", "tiny"], "--preset: 'tiny' is not one of coarse, medium, reference"),
+        (["--size", "0.1"], "0.1 mm is out of range; 1 to 20 mm is accepted"),
+    ],
+)
+def test_bad_builds(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str) -> None:
+    """Exit code 2 and one sentence; nothing is written."""
+    code, text = tongue(capsys, "build", "-o", tmp_path / "mesh.msh", *options)
+    assert code == 2
+    assert message in text
+    assert not list(tmp_path.iterdir())
+
+
+def test_build_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every figure of a tongue is printed, muscles are compared, and two pictures lie beside the mesh."""
+    code, text = tongue(capsys, "build", EXAMPLE, "-o", tmp_path / "egg.msh", "--size", "9", "--compare", EXAMPLE, "--figures")
+    assert code == 0
+    for word in ("tongue proper", "dorsal arc", "chord", "oral width", "mid-sagittal area", "landmarks", "smallest SICN", "Dice", "GGP_L"):
+        assert word in text, word
+    assert {path.name for path in tmp_path.iterdir()} == {"egg.msh", "egg.h5", "egg.json", "egg-muscles.png", "egg-bones.png"}
+
+
 def test_missing_and_broken_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A scenario that is missing or not TOML, a mesh that is not one, an unknown option, an unknown preset."""
     broken = tmp_path / "broken.toml"
@@ -108,7 +141,7 @@ def test_missing_and_broken_files(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_foreign_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A mesh without muscles says so when one is activated; a mesh with a cell in two volumes is refused."""
+    """A mesh without muscles says so when one is activated; a mesh with a facet in two surfaces is refused."""
     import gmsh
 
     write_block(tmp_path / "tongue.msh", (0.02, 0.01, 0.01), (2, 1, 1))
@@ -120,12 +153,12 @@ def test_foreign_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.open(str(tmp_path / "tongue.msh"))
-    gmsh.model.addPhysicalGroup(3, [gmsh.model.getEntities(3)[0][1]], name="GGP_L")
+    gmsh.model.addPhysicalGroup(2, [tag for _, tag in gmsh.model.getEntities(2)], name="skin")
     gmsh.write(str(tmp_path / "tongue.msh"))
     gmsh.finalize()
     code, text = tongue(capsys, "check", path)
     assert code == 2
-    assert "is in the physical groups passive and GGP_L; exactly one is accepted" in text
+    assert "and skin; exactly one is accepted" in text
 
 
 def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

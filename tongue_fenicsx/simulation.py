@@ -387,8 +387,8 @@ class _Loop:
         self._stop("failed")
         raise SolveError(
             f"the solve failed at t = {last:.6f} s even with the smallest step, {self.stepping.step_min:g} s ({self._outcome.reason}); "
-            f"{where}. The last good state is saved in {self.folder}. A finer mesh there, nu nearer 0.4999, a longer tendon or less "
-            "activation may help."
+            f"{where}. The last good state is saved in {self.folder}. Less activation, a slower rise, a longer tendon or "
+            "another element size may help."
         )
 
     def _stop(self, status: str) -> None:
