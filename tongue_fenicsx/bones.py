@@ -125,9 +125,11 @@ def _least(fields: list[Floats], rounding: float) -> Floats:
 
 
 def _solid(field: Field, lower: tuple[float, ...], upper: tuple[float, ...], spacing: float) -> Surface:
-    """The closed surface on which a field (mm, positive inside) vanishes."""
+    """The closed surface on which a field (mm, positive inside) vanishes, from a grid that meets no flat face of it exactly."""
     grid = pv.ImageData(
-        dimensions=[round((high - low) / spacing) + 1 for low, high in zip(lower, upper, strict=True)], spacing=(spacing,) * 3, origin=lower
+        dimensions=[round((high - low) / spacing) + 1 for low, high in zip(lower, upper, strict=True)],
+        spacing=(spacing,) * 3,
+        origin=np.array(lower) + spacing * np.array([0.37, 0.0, 0.41]),
     )
     grid["field"] = -field(np.asarray(grid.points, dtype=float))
     mesh = grid.contour([0.0], scalars="field").clean(tolerance=1e-4).smooth_taubin(n_iter=40)

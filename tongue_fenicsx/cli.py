@@ -133,17 +133,7 @@ def _show_agreement(agreement: dict[str, Agreement], name: str) -> None:
 
 
 def _show_mesh(figures: dict[str, Any], path: Path) -> None:
-    columns = (
-        "muscle",
-        "volume cm³",
-        "measured cm³",
-        "cells",
-        "fibre length mm",
-        "direction error °",
-        "PCSA mm²",
-        "peak stress kPa",
-        "full name",
-    )
+    columns = ("muscle", "volume cm³", "in the data cm³", "cells", "fibre length mm", "direction off by °", "PCSA mm²", "peak stress kPa")
     table = Table(*columns, title=str(figures["name"]))
     for name, m in figures["muscles"].items():
         stress = "/".join(f"{1e-3 * s:.3g}" for s in m.get("peak_stress_pa", {}).values())

@@ -315,7 +315,7 @@ RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
     "SG": (_styloglossus, 1.8),
     "HG": (_hyoglossus, 2.4),
     "IL": (_inferior_longitudinal, 1.9),
-    "VERT": (_verticalis, 1.2),
+    "VERT": (_verticalis, 1.42),
     "TRANS": (_transversus, 2.75),
     "GH": (_geniohyoid, 2.4),
     "MH": (_mylohyoid, 1.72),

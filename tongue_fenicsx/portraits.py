@@ -112,7 +112,6 @@ def _tongue(anatomy: Anatomy) -> pv.PolyData:
 
 def _picture(plotter: pv.Plotter, anatomy: Anatomy, view: tuple[float, ...], margin: float) -> Floats:
     plotter.set_background("white")
-    plotter.enable_depth_peeling(12)
     plotter.enable_parallel_projection()
     plotter.view_vector(view, viewup=(0, 0, 1))
     bounds = 1e3 * anatomy.surface.points
@@ -168,18 +167,16 @@ def _scene(anatomy: Anatomy, view: tuple[float, ...], cut: bool) -> Floats:
     plotter = pv.Plotter(off_screen=True, window_size=(1000, 900))
 
     def add(mesh: pv.PolyData, **options: object) -> None:
-        piece = mesh.clip(normal="y", origin=(0, 1e-3, 0), invert=False) if cut else mesh
-        if piece.n_cells:
-            plotter.add_mesh(piece, smooth_shading=True, split_sharp_edges=cut, ambient=0.3, **options)
+        if cut:  # solids are cut to solids, sheets to sheets
+            plane = {"normal": "y", "origin": (0, 1e-3, 0)}
+            mesh = mesh.clip(**plane, invert=False) if mesh.n_open_edges else mesh.clip_closed_surface(**plane)
+        if mesh.n_cells:
+            plotter.add_mesh(mesh, smooth_shading=True, split_sharp_edges=cut, ambient=0.3, **options)
 
-    tongue = _tongue(anatomy)
-    if cut:
-        tongue = tongue.clip_closed_surface(normal=(0, 1, 0), origin=(0, 1e-3, 0))
-        plotter.add_mesh(tongue, color="#d9827c", smooth_shading=True, split_sharp_edges=True, ambient=0.2)
-    else:
-        add(tongue, color="#d9827c")
+    add(_tongue(anatomy), color="#d9827c")
     for name, bone in anatomy.bones.items():
-        soft = any(word in name for word in SOFT)
-        colour = "#c98d85" if soft else "#f7f3e3" if "teeth" in name else "#d9c59b"
-        add(bone.to_pyvista().scale(1e3, inplace=False), color=colour, opacity=1.0 if cut else 0.45 if "palate" in name or soft else 0.75)
+        sheet = "palate" in name or any(word in name for word in SOFT)
+        colour = "#c98d85" if any(word in name for word in SOFT) else "#f7f3e3" if "teeth" in name else "#d9c59b"
+        opacity = 1.0 if cut or (view == OBLIQUE and not sheet) else 0.45
+        add(bone.to_pyvista().scale(1e3, inplace=False), color=colour, opacity=opacity, culling=None if cut or sheet else "back")
     return _picture(plotter, anatomy, view, 24.0)
