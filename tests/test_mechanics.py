@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from itertools import product
+from math import factorial
+
 import numpy as np
 import pytest
 import ufl
@@ -11,7 +14,7 @@ from dolfinx.fem import petsc as fem_petsc
 from dolfinx.mesh import entities_to_geometry
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import jit
+from tongue_fenicsx import jit, quadrature
 from tongue_fenicsx.model import WeakForm
 from tongue_fenicsx.passive import bulk_modulus
 from tongue_fenicsx.tonguemesh import MuscleCells, MuscleEntry
@@ -127,9 +130,8 @@ def test_isometric_bar(block: tf.TongueMesh, stretch: float, optimal: float) -> 
 
 def stress_at_quadrature(weak: WeakForm, P: object) -> np.ndarray:
     """The same as `stress_at` where quadrature functions stand in the expression."""
-    import basix
 
-    points, _ = basix.make_quadrature(basix.CellType.tetrahedron, weak.model.quadrature_degree)
+    points, _ = quadrature.points_and_weights(weak.model.quadrature_degree)
     value = fem.Expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())  # type: ignore[index]
     return np.asarray(value.eval(weak.V.mesh, np.array([0], dtype=np.int32))).reshape(-1, 3, 3)[0]
 
@@ -254,6 +256,17 @@ def test_pull_from_outside(block: tf.TongueMesh) -> None:
     np.testing.assert_allclose(force(), expected, rtol=2e-2)
     weak.u.interpolate(lambda X: 0.05 * (ANCHOR[:, None] - X))
     np.testing.assert_allclose(force(), 0.99 * expected, rtol=2e-2)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_quadrature_is_positive_and_exact(degree: int) -> None:
+    """Every weight is positive, and x^a y^b z^c integrates to a! b! c! / (a + b + c + 3)!."""
+    points, weights = quadrature.points_and_weights(degree)
+    assert weights.min() > 0
+    for a, b, c in product(range(degree + 1), repeat=3):
+        if a + b + c <= degree:
+            exact = factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3)
+            assert weights @ (points ** [a, b, c]).prod(axis=1) == pytest.approx(exact, rel=1e-12)
 
 
 def test_bulk_modulus() -> None:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import basix
 import basix.ufl
 import numpy as np
 import ufl
@@ -15,6 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from . import quadrature
 from .errors import InputError
 from .fibres import Floats
 from .passive import Expr
@@ -157,16 +157,18 @@ class FibreSlots:
         degree: int,
     ) -> None:
         mesh = tongue.mesh
-        points, _ = basix.make_quadrature(basix.CellType.tetrahedron, degree)
+        points, _ = quadrature.points_and_weights(degree)
         vertex = np.column_stack([1 - points.sum(axis=1), points])  # P1 shape functions, (q, 4)
         n_cells = mesh.topology.index_map(3).size_local + mesh.topology.index_map(3).num_ghosts
         used = np.zeros(n_cells, dtype=np.int64)
         for muscle in muscles.values():
             used[muscle.cells] += 1
         n_slots = mesh.comm.allreduce(int(used.max(initial=0)), op=MPI.MAX)
-        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(3,), degree=degree)
+        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(3,), scheme=quadrature.RULE, degree=degree)
         vectors = fem.functionspace(mesh, element)
-        scalars = fem.functionspace(mesh, basix.ufl.quadrature_element("tetrahedron", value_shape=(), degree=degree))
+        scalars = fem.functionspace(
+            mesh, basix.ufl.quadrature_element("tetrahedron", value_shape=(), scheme=quadrature.RULE, degree=degree)
+        )
         self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
         self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
         self.tendons = [fem.Function(scalars, name=f"tendon_{i}") for i in range(n_slots)]

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import basix
 import numpy as np
 import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 
-from . import jit
+from . import jit, quadrature
 from .fibres import Floats
 from .model import WeakForm
 from .passive import Expr
@@ -73,7 +72,7 @@ class Measures:
     def __init__(self, weak: WeakForm, v: Expr) -> None:
         mesh = weak.V.mesh
         self._comm = mesh.comm
-        points, weights = basix.make_quadrature(basix.CellType.tetrahedron, weak.model.quadrature_degree)
+        points, weights = quadrature.points_and_weights(weak.model.quadrature_degree)
         self._cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
         corners = mesh.geometry.x[mesh.geometry.dofmaps[0][self._cells]]
         edges = corners[:, 1:] - corners[:, :1]

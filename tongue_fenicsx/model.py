@@ -13,6 +13,7 @@ from dolfinx.mesh import entities_to_geometry
 from scipy.spatial import cKDTree
 
 from . import muscles as muscle_facts
+from . import quadrature
 from .active import Contraction, FibreSlots, OuterPull, smooth_fade
 from .errors import InputError
 from .fibres import Floats
@@ -147,7 +148,7 @@ class WeakForm:
         crossed = [(i, fem.compute_integration_domains(facet, mesh.topology, facets)) for i, facets in enumerate(entries.values())]
         ds = ufl.Measure("ds", mesh, subdomain_data=crossed, metadata={"quadrature_degree": 3})
         self.pulls = [OuterPull(tongue, name, sigma[name], ds(i)) for i, name in enumerate(entries)]
-        self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
+        self.dx = ufl.Measure("dx", mesh, metadata=quadrature.metadata(degree))
         self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
         passive = model.passive
         self._constants = {name: self._constant(value) for name, value in passive.parameters.items()}

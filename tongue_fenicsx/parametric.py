@@ -156,7 +156,7 @@ def _attachment(centroids: Floats) -> np.ndarray:
     x, y, z = centroids.T
     symphysis = (x < np.where(z < -5.0, 4.0, 2.0)) & (z < 5.0)
     line = np.interp(x, [0, 6, 10, 16, 24], [-9.0, -7.0, -5.5, -2.5, 1.0])
-    mylohyoid = (abs(z - line) < 3.0) & (x < 16.0) & (y > 4.0)
+    mylohyoid = (abs(z - line) < 3.0) & (x < 24.0) & (y > 4.0)
     body = (x > 30.5) & (x < 37.0) & (y < 12.0) & (z < -9.0)
     horn = (abs(y - np.interp(x, [35, 42, 54], [10.0, 14.5, 20.5])) < 4.0) & (x > 34.0) & (z < -5.0)
     hyoid = body | horn
