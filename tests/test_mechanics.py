@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 from math import factorial
 
@@ -45,23 +46,55 @@ def homogeneous(weak: WeakForm, F: np.ndarray) -> None:
 
 
 def stress_at(weak: WeakForm, P: object) -> np.ndarray:
-    """A homogeneous first Piola–Kirchhoff stress, from one cell."""
-    value = fem.Expression(
-        ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), np.array([[0.25, 0.25, 0.25]]), jit_options=jit.options()
-    )  # type: ignore[index]
-    return value.eval(weak.V.mesh, np.array([0], dtype=np.int32)).reshape(3, 3)
+    """A homogeneous first Piola–Kirchhoff stress, from one quadrature point."""
+    points, _ = quadrature.points_and_weights(weak.model.quadrature_degree)
+    value = fem.Expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())  # type: ignore[index]
+    return np.asarray(value.eval(weak.V.mesh, np.array([0], dtype=np.int32))).reshape(-1, 3, 3)[0]
 
 
+LAWS = {
+    "Yeoh": (tf.Yeoh(192.0, 90.0), lambda I1: (192.0 + 180.0 * (I1 - 3), 0.0)),
+    "Yeoh of three terms": (tf.Yeoh(192.0, 90.0, c30=40.0), lambda I1: (192.0 + 180.0 * (I1 - 3) + 120.0 * (I1 - 3) ** 2, 0.0)),
+    "neo-Hookean": (tf.NeoHookean(300.0), lambda I1: (300.0, 0.0)),
+    "Mooney-Rivlin": (tf.MooneyRivlin(200.0, 70.0), lambda I1: (200.0, 70.0)),
+}
+"""Laws with W₁ = ∂Ψ/∂Ī₁ and W₂ = ∂Ψ/∂Ī₂ in Pa."""
+
+
+@pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("stretch", [0.6, 0.9, 1.3, 1.8])
-def test_uniaxial_yeoh(block: tf.TongueMesh, stretch: float) -> None:
-    """Isochoric uniaxial stretch: σ₁ − σ₂ = 2 (λ² − 1/λ)(C₁₀ + 2 C₂₀ (I₁ − 3)), the closed form of the Yeoh law."""
-    weak = weak_form(block)
-    F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
-    homogeneous(weak, F)
-    sigma = stress_at(weak, weak.passive_stress(weak.u)) @ F.T
-    I1 = stretch**2 + 2 / stretch
-    expected = 2 * (stretch**2 - 1 / stretch) * (192.0 + 2 * 90.0 * (I1 - 3))
-    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(expected, rel=1e-10)
+def test_laws_against_closed_forms(block: tf.TongueMesh, name: str, stretch: float) -> None:
+    """Uniaxial and biaxial stretch and simple shear without change of volume: Rivlin's formulas for Cauchy stress differences."""
+    law, slopes = LAWS[name]
+    weak = weak_form(block, passive=law)
+    s = stretch
+
+    def cauchy(F: np.ndarray) -> np.ndarray:
+        homogeneous(weak, F)
+        return stress_at(weak, weak.passive_stress(weak.u)) @ F.T
+
+    sigma = cauchy(np.diag([s, s**-0.5, s**-0.5]))
+    W1, W2 = slopes(s**2 + 2 / s)
+    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(2 * (s**2 - 1 / s) * (W1 + W2 / s), rel=1e-9)
+    sigma = cauchy(np.diag([s, s, s**-2]))
+    W1, W2 = slopes(2 * s**2 + s**-4)
+    assert sigma[0, 0] - sigma[2, 2] == pytest.approx(2 * (s**2 - s**-4) * (W1 + W2 * s**2), rel=1e-9)
+    shear = s - 0.5
+    F = np.eye(3)
+    F[0, 1] = shear
+    sigma = cauchy(F)
+    W1, W2 = slopes(3 + shear**2)
+    assert sigma[0, 1] == pytest.approx(2 * shear * (W1 + W2), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [lambda: tf.Yeoh(0.0, 90.0), lambda: tf.Yeoh(1.0, -1.0), lambda: tf.NeoHookean(float("nan")), lambda: tf.MooneyRivlin(1.0, -1.0)],
+)
+def test_bad_stiffness(wrong: Callable[[], object]) -> None:
+    """Zero, negative and NaN stiffness is refused with the unit that is expected."""
+    with pytest.raises(tf.InputError, match="stiffness in Pa is expected"):
+        wrong()
 
 
 @pytest.mark.parametrize("volumetric", ["quadratic", "barrier"])
@@ -123,17 +156,9 @@ def test_isometric_bar(block: tf.TongueMesh, stretch: float, optimal: float) -> 
     F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
     homogeneous(weak, F)
     zero = fem.Function(weak.V)
-    sigma = stress_at_quadrature(weak, weak.active_stress(weak.u, zero)) @ F.T
+    sigma = stress_at(weak, weak.active_stress(weak.u, zero)) @ F.T
     assert sigma[0, 0] - sigma[1, 1] == pytest.approx(0.7 * 5e3 * blemker(stretch / optimal) * stretch / optimal, rel=1e-10, abs=1e-9)
     assert np.trace(sigma) == pytest.approx(0.0, abs=1e-8)
-
-
-def stress_at_quadrature(weak: WeakForm, P: object) -> np.ndarray:
-    """The same as `stress_at` where quadrature functions stand in the expression."""
-
-    points, _ = quadrature.points_and_weights(weak.model.quadrature_degree)
-    value = fem.Expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())  # type: ignore[index]
-    return np.asarray(value.eval(weak.V.mesh, np.array([0], dtype=np.int32))).reshape(-1, 3, 3)[0]
 
 
 GRENOBLE = {0.0: 1.0, -0.5: 0.84, -1.0: 0.67, -2.0: 0.34, -4.0: 0.0, 1.0: 1.26}
@@ -150,7 +175,7 @@ def test_isokinetic_bar(block: tf.TongueMesh, law: str, rate: float, factor: flo
     homogeneous(weak, np.eye(3))
     v = fem.Function(weak.V)
     v.interpolate(lambda X: np.diag([rate, -rate / 2, -rate / 2]) @ X)
-    P = stress_at_quadrature(weak, weak.active_stress(weak.u, v))
+    P = stress_at(weak, weak.active_stress(weak.u, v))
     assert (P[0, 0] - P[1, 1]) / 1e3 == pytest.approx(factor, abs=6e-3)
 
 
@@ -166,11 +191,22 @@ def assembled(form: fem.Form) -> np.ndarray:
 @pytest.mark.parametrize("force_velocity", ["grenoble", "hill", "none"])
 def test_tangent_against_finite_differences(block: tf.TongueMesh, nu: float, volumetric: str, force_velocity: str) -> None:
     """The tangent matches central differences of the residual whose stretch rate is measured with fixed ∂λ̄/∂F."""
+    check_tangent(block, tf.Yeoh(192.0, 90.0, nu, volumetric), tf.Contraction(force_velocity=force_velocity, tendon_length=0.0))
+
+
+@pytest.mark.parametrize("law", [tf.Yeoh(192.0, 90.0, c30=40.0), tf.NeoHookean(300.0), tf.MooneyRivlin(200.0, 70.0)])
+def test_tangent_of_other_laws(block: tf.TongueMesh, law: object) -> None:
+    """The same with the other passive laws and every option of the contraction, on fibres and tendon."""
+    check_tangent(block, law, tf.Contraction(tendon_length=6e-3, deviatoric=False, passive_fibres=True, stiffening=True))
+
+
+def check_tangent(block: tf.TongueMesh, law: object, contraction: tf.Contraction) -> None:
+    """Compare the tangent with central differences, and with its transpose."""
     weak = weak_form(
         with_fibres(block, (1.0, 0.4, -0.2), entry=True),
         ["GGP_L"],
-        passive=tf.Yeoh(192.0, 90.0, nu, volumetric),
-        contraction=tf.Contraction(force_velocity=force_velocity, tendon_length=0.0),
+        passive=law,
+        contraction=contraction,
         damping=tf.Rayleigh(20.0, 0.01),
         sigma_max={"GGP": 3e3},
     )
@@ -215,7 +251,7 @@ def test_overlapping_muscles_add(block: tf.TongueMesh) -> None:
         weak = weak_form(both, active, contraction=tf.Contraction(tendon_length=0.0), sigma_max={"GGP": 2e3, "TRANS": 1e3})
         weak.slots.activate(dict.fromkeys(active, 1.0))
         homogeneous(weak, np.diag([0.9, 1.05, 1.0]))
-        P["+".join(active)] = stress_at_quadrature(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
+        P["+".join(active)] = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
     np.testing.assert_allclose(P["GGP_L+TRANS_L"], P["GGP_L"] + P["TRANS_L"], rtol=1e-12)
     assert abs(P["GGP_L"]).max() > 100
 
@@ -256,6 +292,43 @@ def test_pull_from_outside(block: tf.TongueMesh) -> None:
     np.testing.assert_allclose(force(), expected, rtol=2e-2)
     weak.u.interpolate(lambda X: 0.05 * (ANCHOR[:, None] - X))
     np.testing.assert_allclose(force(), 0.99 * expected, rtol=2e-2)
+
+
+@pytest.mark.parametrize(("stretch", "tension"), [(0.9, 0.0), (1.2, 0.05 * (np.exp(1.32) - 1)), (1.5, 0.05 * (1.66 * np.exp(2.64) - 1))])
+def test_passive_fibres(block: tf.TongueMesh, stretch: float, tension: float) -> None:
+    """Blemker's passive curve, 0.05 (exp(6.6 (λ − 1)) − 1) to λ = 1.4, then its tangent, in fibres at rest too."""
+    options = {"force_velocity": "none", "tendon_length": 0.0}
+    weak = weak_form(with_fibres(block), [], sigma_max={"GGP": 3e3}, contraction=tf.Contraction(passive_fibres=True, **options))
+    weak.set_time(0.0, {})
+    homogeneous(weak, np.diag([stretch, stretch**-0.5, stretch**-0.5]))
+    P = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
+    assert P[0, 0] == pytest.approx(3e3 * tension * 2 / 3, abs=1e-6)
+    without = weak_form(with_fibres(block), [], sigma_max={"GGP": 3e3}, contraction=tf.Contraction(**options))
+    assert without.slots.names == []
+
+
+def test_plain_fibre_stress(block: tf.TongueMesh) -> None:
+    """Without the isochoric split the fibre stress is uniaxial, T f_L(λ) F a₀ ⊗ a₀/λ with the plain stretch."""
+    contraction = tf.Contraction("none", tendon_length=0.0, deviatoric=False)
+    weak = weak_form(with_fibres(block), ["GGP_L"], sigma_max={"GGP": 3e3}, contraction=contraction)
+    weak.set_time(0.0, {"GGP_L": 0.5})
+    homogeneous(weak, np.diag([1.1, 1.2, 0.8]))
+    P = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
+    np.testing.assert_allclose(P, np.diag([1500.0 * (1 - 4 * 0.1**2), 0, 0]), atol=1e-9)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.3, 1.0])
+def test_stiffening(block: tf.TongueMesh, level: float) -> None:
+    """Active tissue is 1 + 9a times as stiff."""
+    F = np.diag([1.1, 1.0, 0.95])
+    energies = []
+    for stiffening in (False, True):
+        contraction = tf.Contraction(stiffening=stiffening, tendon_length=0.0)
+        weak = weak_form(with_fibres(block), ["GGP_L"], contraction=contraction)
+        weak.set_time(0.0, {"GGP_L": level})
+        homogeneous(weak, F)
+        energies.append(stress_at(weak, weak.passive_stress(weak.u)))
+    np.testing.assert_allclose(energies[1], (1 + 9 * level) * energies[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])

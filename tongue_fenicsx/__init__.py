@@ -13,14 +13,15 @@ if _find_spec("dolfinx_solver") is not None:
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from .activation import Activation, ramp
+    from .activation import Activation, Excited, ramp
     from .active import Contraction
     from .anatomy import Anatomy
     from .errors import InputError, SolveError
     from .model import Model, Rayleigh
     from .parametric import parametric_tongue
-    from .passive import Yeoh
+    from .passive import MooneyRivlin, NeoHookean, Yeoh
     from .results import Run
+    from .shape import TongueShape
     from .simulation import Simulation, Stepping
     from .solver import Tolerances
     from .subject import read_subject
@@ -30,8 +31,11 @@ _HOME = {
     "Activation": "activation",
     "Anatomy": "anatomy",
     "Contraction": "active",
+    "Excited": "activation",
     "InputError": "errors",
     "Model": "model",
+    "MooneyRivlin": "passive",
+    "NeoHookean": "passive",
     "Rayleigh": "model",
     "Run": "results",
     "Simulation": "simulation",
@@ -39,6 +43,7 @@ _HOME = {
     "Stepping": "simulation",
     "Tolerances": "solver",
     "TongueMesh": "tonguemesh",
+    "TongueShape": "shape",
     "Yeoh": "passive",
     "parametric_tongue": "parametric",
     "ramp": "activation",
@@ -46,8 +51,9 @@ _HOME = {
 }
 
 __all__ = [
-    "Activation", "Anatomy", "Contraction", "InputError", "Model", "Rayleigh", "Run", "Simulation", "SolveError",
-    "Stepping", "Tolerances", "TongueMesh", "Yeoh", "parametric_tongue", "ramp", "read_subject",
+    "Activation", "Anatomy", "Contraction", "Excited", "InputError", "Model", "MooneyRivlin", "NeoHookean", "Rayleigh",
+    "Run", "Simulation", "SolveError", "Stepping", "Tolerances", "TongueMesh", "TongueShape", "Yeoh", "parametric_tongue",
+    "ramp", "read_subject",
 ]  # fmt: skip
 
 

@@ -31,16 +31,25 @@ def force_length(stretch: Expr) -> Expr:
     )
 
 
+def passive_tension(stretch: Expr) -> Expr:
+    """Passive fibre tension over σ_max of the normalised stretch λ̂: 0 to λ̂ = 1, exponential to 1.4, then linear (Blemker 2005)."""
+    return _toe_and_line(stretch, 6.6, 1.4) * 0.05
+
+
 def tendon_tension(stretch: Expr) -> Expr:
     """Tendon tension over σ_max of the normalised stretch λ̂: 0 to λ̂ = 1, exponential to 1.03, then linear; 1 at 1.06.
 
     Form and exponent of Blemker 2005; her modulus is far above σ_max and would only stiffen the equations.
     """
-    p2, end = 46.4, 1.03
-    toe, slope = math.exp(p2 * (end - 1)) - 1, p2 * math.exp(p2 * (end - 1))
-    p1 = 1 / (toe + slope * (1.06 - end))
-    exponential = p1 * (ufl.exp(p2 * (ufl.min_value(stretch, end) - 1)) - 1)
-    return ufl.conditional(ufl.lt(stretch, 1.0), 0.0, exponential + p1 * slope * ufl.max_value(stretch - end, 0.0))
+    toe, slope = math.expm1(46.4 * 0.03), 46.4 * math.exp(46.4 * 0.03)
+    return _toe_and_line(stretch, 46.4, 1.03) / (toe + slope * 0.03)
+
+
+def _toe_and_line(stretch: Expr, exponent: float, end: float) -> Expr:
+    """exp(exponent (λ̂ − 1)) − 1 from λ̂ = 1 to `end`, its tangent beyond, 0 below 1."""
+    curve = ufl.exp(exponent * (ufl.min_value(stretch, end) - 1)) - 1
+    line = exponent * math.exp(exponent * (end - 1)) * ufl.max_value(stretch - end, 0.0)
+    return ufl.conditional(ufl.lt(stretch, 1.0), 0.0, curve + line)
 
 
 def _grenoble(rate: Expr) -> Expr:
@@ -77,13 +86,21 @@ class Contraction:
         λ_ofl, the fibre stretch of largest active force.
     tendon_length : float
         Distance in m from a bonded area over which the active stress rises from 0 to 1; where it fades, the fibres are
-        tendon and carry Blemker's passive tension instead. (Without it the soft matrix alone links muscle and bone: it
-        stretches beyond λ̂ = 1.4, where active fibres lose their force, and snaps.)
+        tendon and carry `tendon_tension` instead.
+    deviatoric : bool
+        Whether λ is the isochoric stretch, so that muscle makes no pressure; False gives the plain stretch of other codes.
+    passive_fibres : bool
+        Whether all muscle fibres, active or not, carry `passive_tension` (Blemker 2005).
+    stiffening : bool
+        Whether the tissue stiffens by 1 + 9a, a the sum of the activations there up to 1 (Buchaillard 2009).
     """
 
     force_velocity: str = "grenoble"
     optimal_stretch: float = 1.0
     tendon_length: float = 6e-3
+    deviatoric: bool = True
+    passive_fibres: bool = False
+    stiffening: bool = False
 
     def __post_init__(self) -> None:
         if self.force_velocity not in FORCE_VELOCITY:
@@ -93,8 +110,10 @@ class Contraction:
         if not 0 <= self.tendon_length <= 0.05:
             raise InputError(f"tendon_length: {self.tendon_length} m; 0 to 0.05 m is expected.")
 
-    def stress(self, F: Expr, F_rate: Expr, F_frozen: Expr, direction: Expr, tension: Expr, tendon: Expr) -> Expr:
-        """First Piola–Kirchhoff stress of one fibre family, (T f_L(λ̂) f_V(λ̄̇) + T_tendon f_P(λ̂))/λ_ofl ∂λ̄/∂F.
+    def stress(
+        self, F: Expr, F_rate: Expr, F_frozen: Expr, direction: Expr, tension: Expr, tendon: Expr = 0.0, passive: Expr = 0.0
+    ) -> Expr:
+        """First Piola–Kirchhoff stress of one fibre family, (T f_L(λ̂) f_V(λ̄̇) + T_tendon f_T(λ̂) + T_passive f_P(λ̂))/λ_ofl ∂λ̄/∂F.
 
         Parameters
         ----------
@@ -107,13 +126,25 @@ class Contraction:
             Unit fibre direction at rest.
         tension : Expr
             Activation times peak stress in Pa.
-        tendon : Expr
-            Peak stress in Pa where the fibres are tendon, 0 elsewhere.
+        tendon, passive : Expr
+            Peak stress in Pa where the fibres are tendon, and where they are muscle with passive tension; 0 elsewhere.
         """
-        stretch, gradient = _isochoric_stretch(F, direction)
-        rate = ufl.inner(_isochoric_stretch(F_frozen, direction)[1], F_rate)
-        total = tension * self.tension(stretch, rate) + tendon * tendon_tension(stretch / self.optimal_stretch)
+        stretch, gradient = self.stretch(F, direction)
+        rate = ufl.inner(self.stretch(F_frozen, direction)[1], F_rate)
+        normalised = stretch / self.optimal_stretch
+        total = tension * self.tension(stretch, rate) + tendon * tendon_tension(normalised)
+        if self.passive_fibres:
+            total += passive * passive_tension(normalised)
         return total / self.optimal_stretch * gradient
+
+    def stretch(self, F: Expr, direction: Expr) -> tuple[Expr, Expr]:
+        """Fibre stretch, λ̄ = J^(−1/3)|F a₀| or the plain |F a₀|, and its derivative by F."""
+        J, fibre = ufl.det(F), F * direction
+        plain = ufl.sqrt(ufl.dot(fibre, fibre))
+        if not self.deviatoric:
+            return plain, ufl.outer(fibre, direction) / plain
+        stretch = J ** (-1 / 3) * plain
+        return stretch, J ** (-2 / 3) / stretch * ufl.outer(fibre, direction) - stretch / 3 * ufl.inv(F).T
 
     def tension(self, stretch: Expr, rate: Expr) -> Expr:
         """Active tension over its peak, f_L f_V, at a stretch λ and a stretch rate (1/s)."""
@@ -121,18 +152,18 @@ class Contraction:
         return force_length(normalised) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
 
 
-def _isochoric_stretch(F: Expr, direction: Expr) -> tuple[Expr, Expr]:
-    """λ̄ = J^(−1/3)|F a₀| and ∂λ̄/∂F."""
-    J, fibre = ufl.det(F), F * direction
-    stretch = J ** (-1 / 3) * ufl.sqrt(ufl.dot(fibre, fibre))
-    return stretch, J ** (-2 / 3) / stretch * ufl.outer(fibre, direction) - stretch / 3 * ufl.inv(F).T
-
-
 class FibreSlots:
     """Overlapping muscles as a few slots per cell, so that one kernel serves any number of them.
 
     Each cell keeps the direction and the weight of its first, second, … muscle in slot 1, 2, …; a slot that a cell does
     not need carries no tension.
+
+    Attributes
+    ----------
+    names : list of str
+        The muscles.
+    owners : (n_slots, n_cells) int array
+        Which of them is in each slot of each local cell, -1 for none.
 
     Parameters
     ----------
@@ -172,10 +203,13 @@ class FibreSlots:
         self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
         self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
         self.tendons = [fem.Function(scalars, name=f"tendon_{i}") for i in range(n_slots)]
+        self.passives = [fem.Function(scalars, name=f"passive_{i}") for i in range(n_slots)]
+        self.stiffness = fem.Function(scalars, name="stiffness")
         self.names = list(muscles)
         self._dofs = scalars.dofmap.list
-        self._muscle = np.full((n_slots, n_cells), -1, dtype=np.int64)
+        self.owners = np.full((n_slots, n_cells), -1, dtype=np.int64)
         self._stress = np.zeros((n_slots, n_cells, len(points)))
+        self._share = np.zeros_like(self._stress)
         for function in self.directions:
             function.x.array[:] = np.tile([1.0, 0.0, 0.0], len(function.x.array) // 3)
         used[:] = 0
@@ -183,28 +217,45 @@ class FibreSlots:
             direction = np.einsum("qv,cvd->cqd", vertex, muscle.direction)
             direction /= np.linalg.norm(direction, axis=2, keepdims=True)
             at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0][muscle.cells]])
-            peak = sigma_max[name] * (muscle.weight @ vertex.T)
+            share = muscle.weight @ vertex.T
+            peak = sigma_max[name] * share
             muscular = fade(at.reshape(-1, 3)).reshape(at.shape[:2])
             slot = used[muscle.cells]
             used[muscle.cells] += 1
-            self._muscle[slot, muscle.cells] = index
+            self.owners[slot, muscle.cells] = index
             self._stress[slot, muscle.cells] = peak * muscular
+            self._share[slot, muscle.cells] = share
             for i in range(n_slots):
                 mine = slot == i
                 self.directions[i].x.array.reshape(-1, 3)[self._dofs[muscle.cells[mine]]] = direction[mine]
                 self.tendons[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * (1 - muscular))[mine]
+                self.passives[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * muscular)[mine]
 
     def activate(self, levels: Mapping[str, float]) -> None:
-        """Set the activation of each muscle, 0…1."""
-        level = np.array([*(levels[name] for name in self.names), 0.0])  # the last serves empty slots
+        """Set the activation of each muscle, 0…1; those that are not named rest."""
+        level = np.array([*(levels.get(name, 0.0) for name in self.names), 0.0])  # the last serves empty slots
+        total = np.zeros(self._dofs.shape)
         for i, tension in enumerate(self.tensions):
-            tension.x.array[self._dofs] = level[self._muscle[i]][:, None] * self._stress[i]
+            in_slot = level[self.owners[i]][:, None]
+            tension.x.array[self._dofs] = in_slot * self._stress[i]
+            total += in_slot * self._share[i]
+        self.stiffness.x.array[self._dofs] = 1 + 9 * np.minimum(total, 1.0)
 
     def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
         """Sum of the first Piola–Kirchhoff stresses of all slots."""
         zero = 0.0 * F
-        slots = zip(self.directions, self.tensions, self.tendons, strict=True)
+        slots = zip(self.directions, self.tensions, self.tendons, self.passives, strict=True)
         return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
+
+    def state(self, law: Contraction, F: Expr, F_rate: Expr) -> list[Expr]:
+        """Stretch, rate in 1/s, and active Cauchy stress along the fibre in Pa, of each slot in turn."""
+        values = []
+        for direction, tension in zip(self.directions, self.tensions, strict=True):
+            stretch, gradient = law.stretch(F, direction)
+            rate = ufl.inner(gradient, F_rate)
+            stress = tension * law.tension(stretch, rate) * stretch / (law.optimal_stretch * ufl.det(F))
+            values += [stretch, rate, stress]
+        return values
 
 
 class OuterPull:

@@ -10,13 +10,13 @@ from pathlib import Path
 from mpi4py import MPI
 
 from . import meshing
-from .activation import Activation
+from .activation import Course, Excited
 from .active import Contraction
 from .anatomy import Anatomy
 from .model import Model, Rayleigh
 from .muscles import resolve
 from .parametric import parametric_tongue
-from .scenario import MeshSection, Scenario
+from .scenario import ActivationSection, MeshSection, Scenario
 from .simulation import Simulation, Stepping
 from .solver import Tolerances
 from .subject import read_subject
@@ -73,7 +73,7 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     model = Model(
         tongue,
         passive=s.law(),
-        contraction=Contraction(s.muscles.force_velocity, s.muscles.optimal_stretch, s.muscles.tendon_length),
+        contraction=Contraction(**s.muscles.model_dump(exclude={"sigma_max"})),
         damping=Rayleigh(s.tissue_value("rayleigh_alpha"), s.tissue_value("rayleigh_beta")),
         density=s.tissue_value("density"),
         sigma_max=s.sigma_max(),
@@ -85,8 +85,13 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     step_min = min(1e-5, step_max) if s.time.step_min is None else s.time.step_min
     return Simulation(
         model,
-        {name: Activation(section.pieces) for name, section in s.activation.items()},
+        {name: _course(s, section) for name, section in s.activation.items()},
         s.probes,
-        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every),
+        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every, s.time.quasi_static, s.output.fields),
         Tolerances(s.solver.rtol, s.solver.atol, s.solver.linear, s.solver.max_newton),
     )
+
+
+def _course(s: Scenario, section: ActivationSection) -> Course:
+    course = section.course()
+    return course if s.excitation is None else Excited(course, s.excitation.rise, s.excitation.fall)

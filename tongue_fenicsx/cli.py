@@ -258,8 +258,8 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
     console.print(f"tissue {loaded.tissue.preset}: {law}, nu {model.passive.nu:g}, density {model.density:g} kg/m³")
     for name, course in simulation.activation.items():
         stress = model.sigma_max.get(name, model.sigma_max.get(name.split("_")[0], 0.0))
-        pieces = "; ".join(f"{1e3 * d:g} ms {a:g} → {b:g}" for d, a, b in course.pieces)
-        console.print(f"{name}: {pieces}, at most {stress / 1e3:g} kPa")
+        ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
+        console.print(f"{name}: {ends}, at most {stress / 1e3:g} kPa")
     console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")
 
 

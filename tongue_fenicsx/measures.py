@@ -94,7 +94,7 @@ class Measures:
         """Read the present state."""
         mesh = self._weak.V.mesh
         values = self._expression.eval(mesh, self._cells)
-        self._now = np.asarray(values).reshape(*self.weights.shape, 34)
+        self._now = np.asarray(values).reshape(*self.weights.shape, 35)
         self.F = self._now[..., :9].reshape(*self.weights.shape, 3, 3)
         self.J = np.linalg.det(self.F)
 
@@ -132,6 +132,7 @@ class Measures:
         model = self._weak.model
         b = self.balance
         b.muscle_work -= self.sum((mean[..., 9:18] * dF).sum(axis=-1))
+        b.muscle_work += self.sum(mean[..., 27] / mean[..., 34] * change[..., 34])
         b.muscle_work += float(self._comm.allreduce(float((force_before + force) @ (u - u_before)) / 2))
         drag = model.damping.alpha * model.density * (mean[..., 31:34] * du).sum(axis=-1)
         b.dissipated += self.sum((mean[..., 18:27] * dF).sum(axis=-1) + drag)

@@ -139,7 +139,7 @@ class WeakForm:
         self.V = fem.functionspace(mesh, ("P", 2, (3,)))
         self.u = fem.Function(self.V, name="displacement")
         self.frozen = fem.Function(self.V)
-        muscles = {name: tongue.muscles[name] for name in active}
+        muscles = {name: tongue.muscles[name] for name in (tongue.muscles if model.contraction.passive_fibres else active)}
         sigma = muscle_facts.peak_stress(muscles, model.sigma_max)
         degree = model.quadrature_degree
         self.slots = FibreSlots(tongue, muscles, sigma, model.tendon_factor, degree)
@@ -176,10 +176,12 @@ class WeakForm:
 
     def energy_density(self, F: Expr) -> Expr:
         """Elastic energy density Ψ in J/m³."""
-        J = ufl.det(F)
-        I1 = J ** (-2 / 3) * ufl.inner(F, F)
+        J, C = ufl.det(F), F.T * F
+        I1 = J ** (-2 / 3) * ufl.tr(C)
+        I2 = (I1**2 - J ** (-4 / 3) * ufl.inner(C, C)) / 2
         passive = self.model.passive
-        return passive.isochoric_energy(I1, self._constants) + self._kappa * VOLUMETRIC[passive.volumetric](J)
+        energy = passive.isochoric_energy(I1, I2, self._constants) + self._kappa * VOLUMETRIC[passive.volumetric](J)
+        return self.slots.stiffness * energy if self.model.contraction.stiffening else energy
 
     def passive_stress(self, u: Expr) -> Expr:
         """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa."""
@@ -196,6 +198,17 @@ class WeakForm:
         strain = ufl.sym(ufl.grad(v))
         isotropic = ufl.tr(strain) * ufl.Identity(3)
         return self._beta * (2 * self._mu * (strain - isotropic / 3) + self._kappa * isotropic)
+
+    def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
+        """Cauchy stress of tissue, muscles and damping in Pa, as a vector of nine."""
+        F = ufl.Identity(3) + ufl.grad(u)
+        P = self.passive_stress(u) + ufl.replace(self.active_stress(u, v), {self.frozen: u}) + self.damping_stress(v)
+        sigma = P * F.T / ufl.det(F)
+        return ufl.as_vector([sigma[i, j] for i in range(3) for j in range(3)])
+
+    def fibre_state(self, u: Expr, v: Expr) -> list[Expr]:
+        """Stretch, rate and active stress of each slot (see `FibreSlots.state`)."""
+        return self.slots.state(self.model.contraction, ufl.Identity(3) + ufl.grad(u), ufl.grad(v))
 
     def inertia(self, v: Expr, a: Expr) -> Expr:
         """Body force density ρ(ü + α v − g) in N/m³."""
@@ -218,9 +231,10 @@ class WeakForm:
         return sum((-work for work in self.outer_work(u, v, w)), form)
 
     def densities(self, u: Expr, v: Expr) -> Expr:
-        """What energies are made of, 34 numbers per point: F, P_active, P_damping, Ψ, u, v."""
+        """What energies are made of, 35 numbers per point: F, P_active, P_damping, Ψ, u, v, the tissue's stiffening."""
         F = ufl.Identity(3) + ufl.grad(u)
         active = ufl.replace(self.active_stress(u, v), {self.frozen: u})
         parts = [F, active, self.damping_stress(v)]
         flat = [P[i, j] for P in parts for i in range(3) for j in range(3)]
-        return ufl.as_vector([*flat, self.energy_density(F), *(u[i] for i in range(3)), *(v[i] for i in range(3))])
+        stiffening = self.slots.stiffness if self.model.contraction.stiffening else 1.0
+        return ufl.as_vector([*flat, self.energy_density(F), *(u[i] for i in range(3)), *(v[i] for i in range(3)), stiffening])

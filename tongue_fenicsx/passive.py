@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import ufl
@@ -34,8 +35,8 @@ class Passive(Protocol):
     def parameters(self) -> dict[str, float]:
         """The numbers of `isochoric_energy` in Pa."""
 
-    def isochoric_energy(self, I1: Expr, parameters: Mapping[str, Expr]) -> Expr:
-        """Energy density in J/m³ of the isochoric invariant Ī₁."""
+    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+        """Energy density in J/m³ of the isochoric invariants Ī₁ = tr C̄ and Ī₂ = (Ī₁² − tr C̄²)/2."""
 
 
 VOLUMETRIC: dict[str, Callable[[Expr], Expr]] = {
@@ -46,8 +47,31 @@ VOLUMETRIC: dict[str, Callable[[Expr], Expr]] = {
 
 
 @dataclass(frozen=True)
-class Yeoh:
-    """Two-term Yeoh law, Ψ = C₁₀(Ī₁−3) + C₂₀(Ī₁−3)² + κ U(J), κ = 2C₁₀/(1−2ν) (chapter, equation 4.1).
+class _Law:
+    """What every law has: Poisson's ratio and a volumetric energy; stiffnesses are the other attributes."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name == "nu":
+                if not -1 < value < 0.5:
+                    raise InputError(f"nu: {value}; Poisson's ratio must be below 0.5 (0.49 to 0.4999 for tissue).")
+            elif item.name == "volumetric":
+                if value not in VOLUMETRIC:
+                    raise InputError(f"volumetric: {value!r}; {' or '.join(VOLUMETRIC)} is expected.")
+            elif not (0 <= value < math.inf and (value > 0 or item.name != "c10")):
+                least = "a positive" if item.name == "c10" else "zero or a positive"
+                raise InputError(f"{item.name}: {value} Pa; {least} stiffness in Pa is expected.")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The stiffnesses in Pa."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.name not in ("nu", "volumetric")}
+
+
+@dataclass(frozen=True)
+class Yeoh(_Law):
+    """Yeoh's law of two or three terms, Ψ = C₁₀(Ī₁−3) + C₂₀(Ī₁−3)² + C₃₀(Ī₁−3)³ + κ U(J), κ = 2C₁₀/(1−2ν) (chapter, equation 4.1).
 
     The chapter's I₁ is read as the isochoric Ī₁ = J^(−2/3) I₁; with the plain I₁ the rest shape would carry stress.
 
@@ -59,6 +83,8 @@ class Yeoh:
         Poisson's ratio, below 0.5.
     volumetric : str
         ``"quadratic"`` U = (J−1)²/2, or ``"barrier"`` U = (J²−1−2 ln J)/4.
+    c30 : float
+        Third stiffness in Pa (Yeoh 1993); none of the presets uses it.
 
     Raises
     ------
@@ -70,16 +96,7 @@ class Yeoh:
     c20: float
     nu: float = 0.49
     volumetric: str = "quadratic"
-
-    def __post_init__(self) -> None:
-        if not self.c10 > 0:
-            raise InputError(f"c10: {self.c10} Pa; a positive stiffness in Pa is expected.")
-        if not self.c20 >= 0:
-            raise InputError(f"c20: {self.c20} Pa; zero or a positive stiffness in Pa is expected.")
-        if not -1 < self.nu < 0.5:
-            raise InputError(f"nu: {self.nu}; Poisson's ratio must be below 0.5 (0.49 to 0.4999 for tissue).")
-        if self.volumetric not in VOLUMETRIC:
-            raise InputError(f"volumetric: {self.volumetric!r}; {' or '.join(VOLUMETRIC)} is expected.")
+    c30: float = 0.0
 
     @classmethod
     def calka(cls) -> Yeoh:
@@ -101,14 +118,71 @@ class Yeoh:
         """Shear modulus at rest, 2 C₁₀, in Pa."""
         return 2 * self.c10
 
-    @property
-    def parameters(self) -> dict[str, float]:
-        """C₁₀ and C₂₀ in Pa."""
-        return {"c10": self.c10, "c20": self.c20}
+    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+        """C₁₀(Ī₁−3) + C₂₀(Ī₁−3)² + C₃₀(Ī₁−3)³."""
+        x = I1 - 3
+        return x * (parameters["c10"] + x * (parameters["c20"] + x * parameters["c30"]))
 
-    def isochoric_energy(self, I1: Expr, parameters: Mapping[str, Expr]) -> Expr:
-        """C₁₀(Ī₁−3) + C₂₀(Ī₁−3)²."""
-        return parameters["c10"] * (I1 - 3) + parameters["c20"] * (I1 - 3) ** 2
+
+@dataclass(frozen=True)
+class NeoHookean(_Law):
+    """Ψ = C₁₀(Ī₁−3) + κ U(J), κ = 2C₁₀/(1−2ν) (Treloar 1943; isochoric form).
+
+    Attributes
+    ----------
+    c10 : float
+        Half the shear modulus in Pa.
+    nu, volumetric
+        As of `Yeoh`.
+    """
+
+    c10: float
+    nu: float = 0.49
+    volumetric: str = "quadratic"
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus at rest, 2 C₁₀, in Pa."""
+        return 2 * self.c10
+
+    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+        """C₁₀(Ī₁−3)."""
+        return parameters["c10"] * (I1 - 3)
+
+
+@dataclass(frozen=True)
+class MooneyRivlin(_Law):
+    """Ψ = C₁₀(Ī₁−3) + C₀₁(Ī₂−3) + κ U(J), κ = 2(C₁₀+C₀₁)/(1−2ν) (Mooney 1940, Rivlin 1948; isochoric form).
+
+    Attributes
+    ----------
+    c10, c01 : float
+        Stiffnesses in Pa; half the shear modulus together.
+    nu, volumetric
+        As of `Yeoh`.
+    """
+
+    c10: float
+    c01: float
+    nu: float = 0.49
+    volumetric: str = "quadratic"
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus at rest, 2(C₁₀ + C₀₁), in Pa."""
+        return 2 * (self.c10 + self.c01)
+
+    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+        """C₁₀(Ī₁−3) + C₀₁(Ī₂−3)."""
+        return parameters["c10"] * (I1 - 3) + parameters["c01"] * (I2 - 3)
+
+
+LAWS: dict[str, type[Yeoh] | type[NeoHookean] | type[MooneyRivlin]] = {
+    "yeoh": Yeoh,
+    "neo_hookean": NeoHookean,
+    "mooney_rivlin": MooneyRivlin,
+}
+"""Passive laws by the name that a scenario gives."""
 
 
 def bulk_modulus(passive: Passive) -> float:

@@ -84,7 +84,7 @@ class Numbering:
         return ordered
 
     def gather_cells(self, values: Floats) -> Floats | None:
-        """One number per owned cell of all ranks as (m,) on rank 0, None elsewhere."""
+        """A value per owned cell of all ranks, (m, …) on rank 0, None elsewhere."""
         parts = self._comm.gather(values)
         return None if parts is None else np.concatenate(parts)[self._cell_order]
 
@@ -148,7 +148,7 @@ class RunWriter:
         self.rows.append(row)
 
     def write_fields(self, t: float, nodal: Mapping[str, Floats], cellwise: Mapping[str, Floats]) -> None:
-        """Write fields of one time: nodal vectors (local, flat) and one number per owned cell."""
+        """Write fields of one time: nodal vectors (local, flat) and a number or a tensor per owned cell."""
         everything = {name: self.numbering.gather(values) for name, values in nodal.items()}
         everything |= {name: self.numbering.gather_cells(values) for name, values in cellwise.items()}
         index = len(self._times)
@@ -159,10 +159,10 @@ class RunWriter:
             for name, values in everything.items():
                 file.create_dataset(f"{name}/{index:05d}", data=np.asarray(values, dtype=np.float32))
             file.attrs["time"] = self._times
-        self._write_xdmf(list(nodal), list(cellwise))
+        self._write_xdmf(list(nodal), {name: values.shape[1:] for name, values in cellwise.items()})
         self._write_history()
 
-    def _write_xdmf(self, nodal: list[str], cellwise: list[str]) -> None:
+    def _write_xdmf(self, nodal: list[str], cellwise: dict[str, tuple[int, ...]]) -> None:
         assert self.numbering.points is not None
         assert self.numbering.cells is not None
         n_nodes, n_cells = len(self.numbering.points), len(self.numbering.cells)
@@ -183,9 +183,9 @@ class RunWriter:
             for name in nodal:
                 attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Vector", Center="Node")
                 item(attribute, f"{name}/{index:05d}", f"{n_nodes} 3", "Float", "4")
-            for name in cellwise:
-                attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Scalar", Center="Cell")
-                item(attribute, f"{name}/{index:05d}", f"{n_cells}", "Float", "4")
+            for name, shape in cellwise.items():
+                attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Tensor" if shape else "Scalar", Center="Cell")
+                item(attribute, f"{name}/{index:05d}", " ".join(map(str, (n_cells, *shape))), "Float", "4")
         ET.indent(root)
         _replace(self.folder / "fields.xdmf", lambda path: ET.ElementTree(root).write(path, xml_declaration=True, encoding="utf-8"))
 

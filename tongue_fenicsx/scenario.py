@@ -6,16 +6,18 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Collection, Mapping
+from dataclasses import asdict, fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from . import muscles, passive
 from .activation import Activation
 from .active import FORCE_VELOCITY
 from .errors import InputError, reading
+from .fields import EXTRA_FIELDS
 from .meshing import PRESETS
 from .parametric import SPLITTABLE
 from .shape import TongueShape
@@ -90,16 +92,27 @@ class MeshSection(Section):
 
 
 class TissueSection(Section):
-    """Passive tissue: a preset and what differs from it."""
+    """Passive tissue: a preset and what differs from it; another law takes C₁₀, ν, density and damping of the preset."""
 
     preset: Annotated[str, one_of(TISSUES)] = "calka"
+    law: Annotated[str, one_of(passive.LAWS)] = "yeoh"
     c10: Positive | None = None
     c20: NotNegative | None = None
+    c30: NotNegative | None = None
+    c01: NotNegative | None = None
     nu: Annotated[float, Field(strict=True, gt=-1, lt=0.5)] | None = None
     volumetric: Annotated[str, one_of(passive.VOLUMETRIC)] = "quadratic"
     density: Positive | None = None
     rayleigh_alpha: NotNegative | None = None
     rayleigh_beta: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _of_the_law(self) -> TissueSection:
+        known = [item.name for item in fields(passive.LAWS[self.law])]
+        for name in ("c20", "c30", "c01"):
+            if getattr(self, name) is not None and name not in known:
+                raise ValueError(f"{name} is no number of the law {self.law}; it has {', '.join(known)}")
+        return self
 
 
 class MuscleSection(Section):
@@ -108,6 +121,9 @@ class MuscleSection(Section):
     force_velocity: Annotated[str, one_of(FORCE_VELOCITY)] = "grenoble"
     optimal_stretch: Annotated[float, Field(strict=True, ge=0.5, le=2)] = 1.0
     tendon_length: NotNegative = 6e-3
+    deviatoric: bool = True
+    passive_fibres: bool = False
+    stiffening: bool = False
     sigma_max: dict[str, NotNegative] = {}
 
 
@@ -132,12 +148,14 @@ class TimeSection(Section):
     step_max: Seconds = 5e-3
     step_min: Seconds | None = None
     spectral_radius: Annotated[float, Field(strict=True, ge=0, le=1)] = 0.8
+    quasi_static: bool = False
 
 
 class OutputSection(Section):
-    """Time in s between stored fields."""
+    """Time in s between stored fields, and which beside the usual ones."""
 
     every: Annotated[float, Field(strict=True, ge=1e-4, le=100)] = 0.01
+    fields: list[Annotated[str, one_of(EXTRA_FIELDS)]] = []
 
 
 class SolverSection(Section):
@@ -150,15 +168,29 @@ class SolverSection(Section):
 
 
 class ActivationSection(Section):
-    """Pieces of duration in s, start level and target level."""
+    """Pieces of duration in s, start level and target level, or a CSV table of times in s and levels."""
 
-    pieces: list[tuple[Seconds, Number, Number]]
+    pieces: list[tuple[Seconds, Number, Number]] | None = None
+    table: str | None = None
 
-    @field_validator("pieces")
-    @classmethod
-    def _levels(cls, value: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-        Activation(value)
-        return value
+    @model_validator(mode="after")
+    def _levels(self) -> ActivationSection:
+        if (self.pieces is None) == (self.table is None):
+            raise ValueError("either pieces or table is expected")
+        if self.pieces is not None:
+            Activation(self.pieces)
+        return self
+
+    def course(self) -> Activation:
+        """The activation; reads the table."""
+        return Activation(self.pieces) if self.pieces is not None else Activation.from_table(Path(str(self.table)))
+
+
+class ExcitationSection(Section):
+    """Time constants in s with which activation follows the given levels."""
+
+    rise: Seconds = 0.01
+    fall: Seconds = 0.04
 
 
 class Scenario(Section):
@@ -174,6 +206,7 @@ class Scenario(Section):
     output: OutputSection = OutputSection()
     solver: SolverSection = SolverSection()
     activation: dict[str, ActivationSection] = {}
+    excitation: ExcitationSection | None = None
     probes: dict[str, str | tuple[Finite, Finite, Finite]] | None = None
 
     def in_metres(self) -> Scenario:
@@ -195,11 +228,12 @@ class Scenario(Section):
             update={"units": "m", "mesh": mesh, "muscles": self.muscles.model_copy(update={"tendon_length": tendon}), "probes": probes}
         )
 
-    def law(self) -> passive.Yeoh:
+    def law(self) -> passive.Passive:
         """The passive law with the preset's numbers where none is given."""
-        base: passive.Yeoh = getattr(passive.Yeoh, self.tissue.preset)()
-        given = {n: v for n in ("c10", "c20", "nu") if (v := getattr(self.tissue, n)) is not None}
-        return passive.Yeoh(**({"c10": base.c10, "c20": base.c20, "nu": base.nu} | given), volumetric=self.tissue.volumetric)
+        kind = passive.LAWS[self.tissue.law]
+        base = asdict(getattr(passive.Yeoh, self.tissue.preset)()) | {"c01": 0.0}
+        given = {name: value for name in (*base, "volumetric") if (value := getattr(self.tissue, name)) is not None}
+        return kind(**{item.name: (base | given)[item.name] for item in fields(kind)})
 
     def tissue_value(self, name: str) -> float:
         """Density or Rayleigh damping, given or of the preset."""
@@ -235,6 +269,9 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
         for key in ("file", "subject"):
             if isinstance(source.get(key), str):
                 source[key] = str(path.parent / source[key])
+    for section in data["activation"].values() if isinstance(data.get("activation"), dict) else ():
+        if isinstance(section, dict) and isinstance(section.get("table"), str):
+            section["table"] = str(path.parent / section["table"])
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:

@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -24,15 +24,16 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from . import __version__, jit
-from .activation import Activation
+from .activation import Course, FunctionOfTime
 from .errors import InputError, SolveError, check_outputs
+from .fields import ExtraFields
 from .measures import ENERGIES, Measures
 from .model import Model
 from .muscles import peak_stress, resolve
 from .probes import Probes
 from .results import RUN_FILES, Run, RunWriter
 from .solver import Newton, Tolerances
-from .timestep import GeneralizedAlpha, State
+from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero
 
 Report = Callable[["Progress"], None]
@@ -50,12 +51,18 @@ class Stepping:
         Of generalized-alpha, 0…1.
     output_every : float
         Time in s between stored fields.
+    quasi_static : bool
+        Whether inertia and rates are left out, so that every output is an equilibrium.
+    fields : sequence of str
+        Fields to store beside displacement, velocity, strain and J: some of `fields.EXTRA_FIELDS`.
     """
 
     step_max: float = 5e-3
     step_min: float = 1e-5
     spectral_radius: float = 0.8
     output_every: float = 0.01
+    quasi_static: bool = False
+    fields: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for name in ("step_max", "step_min", "output_every"):
@@ -86,7 +93,7 @@ class Simulation:
     model : Model
         What is simulated.
     activation : mapping
-        Muscle (``GGP``) or muscle and side (``GGP_L``) to `Activation`.
+        Muscle (``GGP``) or muscle and side (``GGP_L``) to `Activation`, `Excited`, or a function of time in s.
     probes : mapping, optional
         Name to landmark name or to a point (3,) in m of the rest shape; by default all landmarks.
     stepping : Stepping
@@ -103,7 +110,7 @@ class Simulation:
     def __init__(
         self,
         model: Model,
-        activation: Mapping[str, Activation] | None = None,
+        activation: Mapping[str, Course | Callable[[float], float]] | None = None,
         probes: Mapping[str, str | Any] | None = None,
         stepping: Stepping | None = None,
         tolerances: Tolerances | None = None,
@@ -111,12 +118,12 @@ class Simulation:
         self.model, self.stepping = model, stepping or Stepping()
         self.tolerances = tolerances or Tolerances()
         tongue = model.tongue
-        self.activation: dict[str, Activation] = {}
+        self.activation: dict[str, Course] = {}
         for key, course in (activation or {}).items():
             for name in resolve(key, tongue.muscles, f"activation.{key}"):
                 if name in self.activation:
                     raise InputError(f"activation.{key}: {name} is activated twice; name the muscle or its sides, not both.")
-                self.activation[name] = course
+                self.activation[name] = course if isinstance(course, Course) else FunctionOfTime(course)
         self.probes = Probes(tongue, probes if probes is not None else {name: name for name in tongue.landmarks})
 
     def run(self, t_end: float, output: str | Path, resume: bool = False, report: Report | None = None, scenario: str | None = None) -> Run:
@@ -197,13 +204,15 @@ class _Loop:
         """Compile the forms, and begin at rest or at the checkpoint; nothing is written before all has been read."""
         self.weak = self.model.weak_form(list(self.simulation.activation))
         weak = self.weak
-        self.scheme = GeneralizedAlpha(weak.u, self.stepping.spectral_radius)
+        quasi_static = self.stepping.quasi_static
+        self.scheme = QuasiStatic(weak.u) if quasi_static else GeneralizedAlpha(weak.u, self.stepping.spectral_radius)
         test, trial = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
         residual = weak.residual(weak.u, self.scheme.v, self.scheme.acceleration, test)
         tangent = ufl.derivative(residual, weak.u, trial)
         self._solver = Newton(residual, tangent, weak.u, weak.frozen, weak.bcs, self.simulation.tolerances, self.say)
         self.velocity = fem.Function(weak.V, name="velocity")
         self.measures = Measures(weak, self.velocity)
+        self.extra = ExtraFields(weak, self.velocity, self.measures, self.stepping.fields)
         self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.names)
         checkpoint = self.writer.read_checkpoint(self._identity()) if self.resume else None
         if self.comm.rank == 0:
@@ -222,7 +231,8 @@ class _Loop:
         else:
             on_rank_zero(self.comm, self.writer.start)
             self._set_time(0.0)
-            self._initial_acceleration()
+            if not self.stepping.quasi_static:
+                self._initial_acceleration()
             self._load_state()
             self.measures.start()
             self._record()
@@ -236,7 +246,7 @@ class _Loop:
         parts: list[Any] = [asdict(getattr(model, n)) for n in ("passive", "contraction", "damping")]  # type: ignore[call-overload]
         parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise]
         parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
-        parts += [{name: list(map(list, course.pieces)) for name, course in self.simulation.activation.items()}]
+        parts += [{name: course.description for name, course in self.simulation.activation.items()}]
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
         digest.update(b"" if points is None else np.ascontiguousarray(points).tobytes())
         return str(self.comm.bcast(digest.hexdigest()))
@@ -313,7 +323,7 @@ class _Loop:
         self._set_time(t)
         self.scheme.begin(h)
         assert self._solver is not None
-        self._outcome = self._solver.solve(patient=h < PATIENT_BELOW * self.stepping.step_max)
+        self._outcome = self._solver.solve(patient=self.stepping.quasi_static or h < PATIENT_BELOW * self.stepping.step_max)
         self.counters["newton_iterations"] += self._outcome.newton
         self.counters["krylov_iterations"] += self._outcome.krylov
         if self._outcome.converged:
@@ -368,7 +378,7 @@ class _Loop:
         self.writer.write_fields(
             state.t,
             {"displacement": state.u, "velocity": state.v},
-            {"hencky_von_mises": strain, "jacobian": self.measures.jacobian_per_cell()},
+            {"hencky_von_mises": strain, "jacobian": self.measures.jacobian_per_cell()} | self.extra.evaluate(),
         )
 
     def _checkpoint(self) -> None:

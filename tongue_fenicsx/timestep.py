@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Generalized-alpha in the form of Arnold and Brüls (2007).
+"""Generalized-alpha in the form of Arnold and Brüls (2007), and a sequence of equilibria for slow loads.
 
 The weak form holds at the end of the step with the true acceleration ü; an auxiliary acceleration a carries the
 averaging, (1−α_m) a₁ + α_m a₀ = (1−α_f) ü₁ + α_f ü₀. So pressure, contact and force–velocity are never blended between
@@ -93,6 +93,43 @@ class GeneralizedAlpha:
         if s.h == 0.0 or s.h == h:
             return s.auxiliary
         return s.acceleration + (h / s.h) * (s.auxiliary - s.acceleration)
+
+    def restore(self, state: State) -> None:
+        """Go back to a state."""
+        self.state = state
+        self.u.x.array[:] = state.u
+
+
+class QuasiStatic:
+    """Equilibrium without inertia and rates at every time, for loads that grow slowly; time only orders them.
+
+    Parameters
+    ----------
+    u : fem.Function
+        Displacement, the unknown of each step.
+
+    Attributes
+    ----------
+    v, acceleration : UFL expressions
+        Zero.
+    """
+
+    def __init__(self, u: fem.Function) -> None:
+        self.u = u
+        self.v: Expr = fem.Function(u.function_space)
+        self.acceleration: Expr = self.v
+        zeros = np.zeros_like(u.x.array)
+        self.state = State(0.0, 0.0, u.x.array.copy(), zeros, zeros, zeros)
+
+    def begin(self, h: float) -> None:
+        """Prepare a step of `h`; the first guess goes on as the last step went."""
+        self._h = h
+        self.u.x.array[:] = self.state.u + h * self.state.auxiliary
+
+    def accept(self, t: float) -> None:
+        """Make the solved displacement the new state, at time `t`."""
+        u = self.u.x.array.copy()
+        self.state = State(t, self._h, u, self.state.v, self.state.acceleration, (u - self.state.u) / self._h)
 
     def restore(self, state: State) -> None:
         """Go back to a state."""
