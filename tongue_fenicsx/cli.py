@@ -264,6 +264,32 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
 
 
 @app.command()
+def verify(
+    only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case: patch, manufactured, decay or calculix.")] = None,
+) -> None:
+    """Compare the model with closed forms and with CalculiX; exit 0 only if every row holds."""
+    from mpi4py import MPI
+
+    from .verify import CASES
+
+    if only is not None and only not in CASES:
+        raise InputError(f"--only: {only!r} is not one of {', '.join(CASES)}.")
+    table = Table("case", "reference", "error", "limit", "", "holds", title="verification")
+    failed = False
+    for name in CASES if only is None else [only]:
+        if MPI.COMM_WORLD.rank == 0 and console.is_terminal:
+            console.print(f"running {name} …")
+        for row in CASES[name]():
+            verdict = "skipped" if row.skipped else "yes" if row.holds else "[red]NO[/]"
+            table.add_row(row.case, row.reference, f"{row.error:.2g}", f"{row.limit:g}", row.note, verdict)
+            failed = failed or not row.holds
+    if MPI.COMM_WORLD.rank == 0:
+        console.print(table)
+    if failed:
+        raise SystemExit(3)
+
+
+@app.command()
 def doctor() -> None:
     """Say what is installed, what is wrong and how to mend it."""
     from .doctor import findings

@@ -348,4 +348,5 @@ class Run:
         """Draw all figures of the run into ``figures/`` and return the files."""
         from . import figures
 
-        return [figures.midsagittal(self), figures.view3d(self), figures.trajectories(self)]
+        paths = [figures.midsagittal(self), figures.view3d(self)]
+        return [*paths, figures.trajectories(self)] if self.probes else paths
