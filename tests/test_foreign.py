@@ -113,6 +113,9 @@ def test_names_without_fibres_are_tissue(scratch: Path) -> None:
     [
         ('{"HG": {"direction": [0, 1, 0]}}', "no physical volume or cell data 'HG'"),
         ('{"GGP_L": {"direction": [0, 0, 0]}}', "cannot be read"),
+        ('{"GGP_L": [[[0, 0, 0]]]}', "two or more finite points"),
+        ('{"GGP_L": []}', "two or more finite points"),
+        ('{"GGP_L": 3}', "cannot be read"),
         ('{"GGP_L": {"sideways": [0, 0, 1]}}', "direction or toward is expected"),
         ('{"GGP_L": {"toward": [0, 0, NaN]}}', "not three finite numbers"),
         ('{"GGP_L": {"direction": [1, 0, 0]}}', "muscle 'TRANS_L' has no fibres; give them in bar.fibres.json"),

@@ -131,7 +131,10 @@ def _rules(path: Path) -> dict[str, Direction]:
 def _rule(given: Any) -> Direction:
     """A direction field (n, 3) → (n, 3) from its description."""
     if isinstance(given, list):
-        return FibreBundle([np.asarray(line, dtype=float).reshape(-1, 3) for line in given]).direction
+        lines = [np.asarray(line, dtype=float) for line in given]
+        if not lines or any(line.ndim != 2 or line.shape[1] != 3 or len(line) < 2 or not np.isfinite(line).all() for line in lines):
+            raise ValueError("a polyline of two or more finite points is expected")
+        return FibreBundle(lines).direction
     ((kind, value),) = given.items()
     vector = np.array([float(c) for c in value])
     if vector.shape != (3,) or not np.isfinite(vector).all():

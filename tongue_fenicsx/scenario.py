@@ -26,6 +26,7 @@ Number = Annotated[float, Field(strict=True)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Flag = Annotated[bool, Field(strict=True)]
 Seconds = Annotated[float, Field(strict=True, ge=1e-6, le=100)]
 """Times that make sense for a tongue, so that no run is endless by a slip."""
 
@@ -121,9 +122,9 @@ class MuscleSection(Section):
     force_velocity: Annotated[str, one_of(FORCE_VELOCITY)] = "grenoble"
     optimal_stretch: Annotated[float, Field(strict=True, ge=0.5, le=2)] = 1.0
     tendon_length: NotNegative = 6e-3
-    deviatoric: bool = True
-    passive_fibres: bool = False
-    stiffening: bool = False
+    deviatoric: Flag = True
+    passive_fibres: Flag = False
+    stiffening: Flag = False
     sigma_max: dict[str, NotNegative] = {}
 
 
@@ -148,7 +149,7 @@ class TimeSection(Section):
     step_max: Seconds = 5e-3
     step_min: Seconds | None = None
     spectral_radius: Annotated[float, Field(strict=True, ge=0, le=1)] = 0.8
-    quasi_static: bool = False
+    quasi_static: Flag = False
 
 
 class OutputSection(Section):

@@ -76,7 +76,7 @@ class Frame:
             if key not in known:
                 raise InputError(f"{path}: unknown key {key!r}; known are {', '.join(known)}.")
         frame = cls(**data)
-        if frame.unit not in UNITS:
+        if frame.unit not in list(UNITS):
             raise InputError(f"{path}: unit: {frame.unit!r} is not one of {', '.join(UNITS)}.")
         letters = list(frame.axes) if isinstance(frame.axes, str) else []
         if sorted(AXES[letter][0] for letter in letters if letter in AXES) != [0, 1, 2]:
