@@ -13,7 +13,7 @@ from tongue_fenicsx.cli import main
 needs_calculix = pytest.mark.skipif(shutil.which(verify.CALCULIX) is None, reason="CalculiX (ccx) is not installed")
 
 
-@pytest.mark.parametrize("name", ["patch", "manufactured", "decay", pytest.param("calculix", marks=needs_calculix)])
+@pytest.mark.parametrize("name", ["patch", "manufactured", "time", "decay", pytest.param("calculix", marks=needs_calculix)])
 def test_rows_hold(name: str) -> None:
     """Each row is within its limit."""
     rows = list(verify.CASES[name]())

@@ -265,7 +265,9 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
 
 @app.command()
 def verify(
-    only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case: patch, manufactured, decay or calculix.")] = None,
+    only: Annotated[
+        str | None, typer.Option("--only", metavar="NAME", help="One case: patch, manufactured, time, decay or calculix.")
+    ] = None,
 ) -> None:
     """Compare the model with closed forms and with CalculiX; exit 0 only if every row holds."""
     from mpi4py import MPI

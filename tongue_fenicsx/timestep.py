@@ -78,6 +78,12 @@ class GeneralizedAlpha:
         self._h = h
         self.u.x.array[:] = (s.v - self._v_part.x.array) / v_factor
 
+    @property
+    def rates(self) -> tuple[tuple[float, Floats], tuple[float, Floats]]:
+        """Factor and known part of velocity and acceleration, affine functions of the unknown displacement."""
+        velocity = float(self._v_factor.value), self._v_part.x.array
+        return velocity, (float(self._a_factor.value), self._a_part.x.array)
+
     def accept(self, t: float) -> None:
         """Make the solved displacement the new state, at time `t` (s)."""
         s, h = self.state, self._h

@@ -17,6 +17,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
+from petsc4py import PETSc
 from scipy.optimize import curve_fit
 
 from . import jit
@@ -27,6 +28,7 @@ from .passive import Expr, Yeoh, bulk_modulus
 from .results import Numbering
 from .simulation import Simulation, Stepping
 from .solver import Tolerances
+from .timestep import GeneralizedAlpha, State
 from .tonguemesh import TongueMesh
 
 CALCULIX = "ccx"
@@ -133,6 +135,91 @@ def manufactured(divisions: tuple[int, ...] = (2, 4, 8)) -> Iterator[Row]:
         yield Row(f"manufactured solution, {norm}", f"order {expected:g}", abs(order - expected), 0.1, f"order {order:.2f}")
 
 
+DAMPING, STIFFNESS = 0.8, 9.0
+
+
+def oscillate(steps: list[float], radius: float) -> Floats:
+    """t, u, v and ü after each step, (n, 4), of ü + 0.8 u̇ + 9 u = 0 from u = 1, with the scheme's own affine rates."""
+    u = fem.Function(fem.functionspace(dmesh.create_unit_interval(MPI.COMM_SELF, 1), ("DG", 0)))
+    u.x.array[:] = 1.0
+    scheme = GeneralizedAlpha(u, radius)
+    one, zero = np.ones_like(u.x.array), np.zeros_like(u.x.array)
+    scheme.restore(State(0.0, 0.0, one, zero, -STIFFNESS * one, -STIFFNESS * one))
+    t, path = 0.0, []
+    for h in steps:
+        scheme.begin(h)
+        (v_factor, v_part), (a_factor, a_part) = scheme.rates
+        u.x.array[:] = -(a_part + DAMPING * v_part) / (a_factor + DAMPING * v_factor + STIFFNESS)
+        t += h
+        scheme.accept(t)
+        s = scheme.state
+        path.append([t, s.u[0], s.v[0], s.acceleration[0]])
+    return np.array(path)
+
+
+def oscillation(t: Floats) -> Floats:
+    """The exact u, v and ü of that oscillator, (3, n)."""
+    rate, omega = DAMPING / 2, np.sqrt(STIFFNESS - DAMPING**2 / 4)
+    u = np.exp(-rate * t) * (np.cos(omega * t) + rate / omega * np.sin(omega * t))
+    v = -np.exp(-rate * t) * STIFFNESS / omega * np.sin(omega * t)
+    return np.array([u, v, -DAMPING * v - STIFFNESS * u])
+
+
+def _petsc_oscillation(n: int, end: float, radius: float) -> float:
+    """u at the end from PETSc's TSALPHA2 with n equal steps."""
+    ts = PETSc.TS().create(PETSc.COMM_SELF)
+    u, v, F = (PETSc.Vec().createSeq(1) for _ in range(3))
+    J = PETSc.Mat().createDense((1, 1), comm=PETSc.COMM_SELF)
+    J.setUp()
+
+    def balance(_: PETSc.TS, t: float, U: PETSc.Vec, V: PETSc.Vec, A: PETSc.Vec, out: PETSc.Vec) -> None:
+        out.array[:] = A.array_r + DAMPING * V.array_r + STIFFNESS * U.array_r
+
+    def tangent(
+        _: PETSc.TS, t: float, U: PETSc.Vec, V: PETSc.Vec, A: PETSc.Vec, shift_v: float, shift_a: float, jacobian: PETSc.Mat, P: PETSc.Mat
+    ) -> None:
+        P.setValue(0, 0, shift_a + DAMPING * shift_v + STIFFNESS)
+        P.assemble()
+
+    ts.setType("alpha2")
+    ts.setOptionsPrefix("verify_ts_")
+    PETSc.Options()["verify_ts_ts_alpha_radius"] = radius  # the setter of petsc4py is ignored by alpha2
+    ts.setI2Function(balance, F)
+    ts.setI2Jacobian(tangent, J)
+    ts.setTimeStep(end / n)
+    ts.setMaxTime(end)
+    ts.setMaxSteps(10 * n)
+    ts.setExactFinalTime(PETSc.TS.ExactFinalTime.MATCHSTEP)
+    ts.getSNES().setTolerances(rtol=1e-13, atol=1e-14)
+    ts.setFromOptions()
+    u.set(1.0)
+    v.set(0.0)
+    ts.setSolution2(u, v)
+    ts.solve(u)
+    value = float(ts.getSolution2()[0].array_r[0])
+    for item in (ts, u, v, F, J):
+        item.destroy()
+    return value
+
+
+def time_order() -> Iterator[Row]:
+    """A damped oscillator: second order of u, v, ü with equal and with alternating steps, and PETSc's own integrator."""
+    end, radius = 2.0, 0.8
+    for name, pattern in (("equal", (1.0, 1.0)), ("alternating", (0.5, 1.5))):
+        errors = []
+        for n in (320, 640):
+            t, *path = oscillate([end / n * pattern[i % 2] for i in range(n)], radius).T
+            errors.append(abs(path - oscillation(t)).max(axis=1))
+        orders = np.log2(errors[0] / errors[1])
+        note = "orders " + ", ".join(f"{order:.2f}" for order in orders)
+        yield Row(f"generalized-alpha, {name} steps: u, v, ü", "order 2", float(abs(orders - 2).max()), 0.1, note)
+    gap = [abs(oscillate([end / n] * n, radius)[-1, 1] - _petsc_oscillation(n, end, radius)) for n in (160, 320)]
+    order = float(np.log2(gap[0] / gap[1]))
+    yield Row(
+        "generalized-alpha against TSALPHA2", "difference of order 2", abs(order - 2), 0.1, f"order {order:.2f}, {gap[1]:.1e} at n = 320"
+    )
+
+
 def decay() -> Iterator[Row]:
     """A soft block released from a small stretch: its lowest mode decays with the rate α/2."""
     alpha = 4.0
@@ -222,6 +309,7 @@ def _run_calculix(model: Model, probe: tuple[float, float, float], static: bool,
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "patch": patch,
     "manufactured": manufactured,
+    "time": time_order,
     "decay": decay,
     "calculix": calculix,
 }
