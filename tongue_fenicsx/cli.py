@@ -143,7 +143,7 @@ def _show_mesh(figures: dict[str, Any], path: Path) -> None:
             _number(m["measured_volume_m3"], 1e6, ".2f"),
             str(m["n_cells"]),
             f"{1e3 * m['mean_length_m']:.0f}",
-            f"{m['direction_error_deg']:.1f}",
+            _number(m["direction_error_deg"], 1.0, ".1f"),
             _number(m["pcsa_m2"], 1e6, ".0f"),
             stress or "–",
         )

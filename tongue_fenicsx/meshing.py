@@ -226,11 +226,13 @@ class _Locator:
         self.mesh = mesh
         self._grid = pv.UnstructuredGrid({pv.CellType.TETRA: mesh.cells}, mesh.points)
 
-    def direction_error(self, fibres: FibreBundle, field: MuscleField) -> float:
-        """Mean angle in degrees between fibres and the direction field of the mesh along them, inside the muscle's cells."""
+    def direction_error(self, fibres: FibreBundle, field: MuscleField) -> float | None:
+        """Mean angle in degrees between fibres and the direction field of the mesh along them, inside the muscle's cells, if any is."""
         points, tangents, lengths = fibres.segments
         cells = np.atleast_1d(self._grid.find_containing_cell(points))
         inside = np.isin(cells, field.cells)
+        if not inside.any():
+            return None
         corners = self.mesh.cells[cells[inside]]
         a, b, c, d = (self.mesh.points[corners[:, i]] for i in range(4))
         bary = np.linalg.solve(np.stack([b - a, c - a, d - a], axis=2), (points[inside] - a)[..., None])[..., 0]
