@@ -165,10 +165,6 @@ class Simulation:
         return Run(folder)
 
 
-PATIENT_BELOW = 1 / 32
-"""Below this fraction of the largest step an indefinite tangent is solved by the costlier rungs instead of a shorter step."""
-
-
 class _Loop:
     """One run in progress: forms, solver, state, files."""
 
@@ -323,7 +319,7 @@ class _Loop:
         self._set_time(t)
         self.scheme.begin(h)
         assert self._solver is not None
-        self._outcome = self._solver.solve(patient=self.stepping.quasi_static or h < PATIENT_BELOW * self.stepping.step_max)
+        self._outcome = self._solver.solve()
         self.counters["newton_iterations"] += self._outcome.newton
         self.counters["krylov_iterations"] += self._outcome.krylov
         if self._outcome.converged:

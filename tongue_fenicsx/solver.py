@@ -52,9 +52,6 @@ class Outcome:
     reason: str
 
 
-INDEFINITE = (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
-
-
 class Newton:
     """Solve residual(u) = 0 for displacements that already satisfy the boundary values.
 
@@ -118,12 +115,8 @@ class Newton:
         """Unknowns, fixed ones included."""
         return int(self._x.getSize())
 
-    def solve(self, patient: bool = True) -> Outcome:
-        """Solve from the present `u`, which then holds the solution or, if no rung converged, the last iterate.
-
-        An indefinite tangent is a state that is about to snap; a shorter step, with more inertia in the tangent, is a
-        cheaper way on than the other rungs. Unless `patient`, it ends the solve.
-        """
+    def solve(self) -> Outcome:
+        """Solve from the present `u`, which then holds the solution or, if no rung converged, the last iterate."""
         newton = self._krylov = 0
         reason = ""
         for rung in self.LADDER:
@@ -138,11 +131,7 @@ class Newton:
                 return Outcome(True, newton, self._krylov, rung, reason)
             if code != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
                 break
-            linear = self._snes.getKSP().getConvergedReason()
-            if not patient and linear in INDEFINITE:
-                reason = _reason(linear, PETSc.KSP)
-                break
-            self._log(f"  {rung} failed in the linear solve ({_reason(linear, PETSc.KSP)}); next rung")
+            self._log(f"  {rung} failed in the linear solve ({_reason(self._snes.getKSP().getConvergedReason(), PETSc.KSP)}); next rung")
         return Outcome(False, newton, self._krylov, rung, reason)
 
     # -- SNES call-backs
