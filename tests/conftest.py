@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import gmsh
@@ -46,6 +47,18 @@ def write_block(path: Path, lengths: tuple[float, float, float], divisions: tupl
         model.addPhysicalGroup(3, [box], name="passive")
         model.mesh.generate(3)
         gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[None]:
+    """A mesh file open in Gmsh."""
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        yield
     finally:
         gmsh.finalize()
 

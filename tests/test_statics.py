@@ -19,7 +19,8 @@ DEMOS = Path(__file__).parents[1] / "demos"
 
 
 def test_cantilever_demo(tmp_path: Path) -> None:
-    """The demo bends down; so slender and so little loaded that the tip sinks as a beam's, ρ g A L⁴ / (8 E I)."""
+    """Little loaded, the tip of the demo sinks more than a beam without shear, ρ g A L⁴ / (8 E I), and less than Timoshenko's,
+    whose clamp lets the section warp."""
     for name in ("cantilever.toml", "cantilever.msh"):
         shutil.copy(DEMOS / name, tmp_path)
     changes = ["gravity.acceleration=[0.0, 0.0, -0.02]", "time.quasi_static=true", "time.end=0.1", "tissue.nu=0.3", "time.step=0.05"]
@@ -32,7 +33,7 @@ def test_cantilever_demo(tmp_path: Path) -> None:
     young = 9 * kappa * mu / (3 * kappa + mu)
     shear = 1040 * 0.02 * 0.04**2 / (2 * mu * 5 / 6)  # Timoshenko's
     beam = 1040 * 0.02 * 0.04**4 / (8 * young / 12 * 0.01**2)
-    assert sag == pytest.approx(beam + shear, rel=0.06)  # a clamp in 3D holds the section from warping
+    assert beam < sag < beam + shear
 
 
 def test_equilibrium_is_where_motion_ends(block: tf.TongueMesh, scratch: Path) -> None:
@@ -53,7 +54,7 @@ def test_extra_fields(block: tf.TongueMesh, scratch: Path) -> None:
     """Tensors and fibre fields are stored, open as XDMF, and agree with what the run already stores."""
     stepping = tf.Stepping(output_every=0.02, fields=["hencky", "cauchy", "fibre_stretch", "fibre_rate", "active_stress"])
     model = tf.Model(with_fibres(block), contraction=tf.Contraction("none", tendon_length=0.0), fixed=["left"])
-    run = tf.Simulation(model, activation={"GGP_L": lambda t: min(5 * t, 0.5)}, stepping=stepping).run(0.1, scratch)
+    run = tf.Simulation(model, activation={"GGP_L": lambda t: min(t, 0.02)}, stepping=stepping).run(0.1, scratch)
     h, sigma = run.field("hencky"), run.field("cauchy")
     assert h.shape == sigma.shape == (len(run.field("jacobian")), 3, 3)
     np.testing.assert_allclose(h, np.swapaxes(h, 1, 2), atol=1e-6)
@@ -62,7 +63,7 @@ def test_extra_fields(block: tf.TongueMesh, scratch: Path) -> None:
     stretch, stress = run.field("fibre_stretch_GGP_L"), run.field("active_stress_GGP_L")
     assert stretch.max() < 1
     length = 1 - 4 * (1 - stretch) ** 2
-    np.testing.assert_allclose(stress, 0.5 * 3e3 * length * stretch / run.field("jacobian"), rtol=0.05)  # of means
+    np.testing.assert_allclose(stress, 0.02 * 3e3 * length * stretch / run.field("jacobian"), rtol=2e-3)  # of means, nearly homogeneous
     assert run.field("fibre_rate_GGP_L", 0).max() == 0
     assert run.field("fibre_rate_GGP_L", 1).min() < 0
     reader = pv.get_reader(scratch / "fields.xdmf")

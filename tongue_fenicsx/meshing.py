@@ -210,13 +210,13 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
 
 
 def _facts(name: str) -> dict[str, Any]:
-    """Full name, peak stress by tissue and source of a muscle, as far as the catalogue has it."""
+    """Full name, origin and insertion, peak stress by tissue and source of a muscle, as far as the catalogue has it."""
     base = muscle_facts.base_name(name)
     facts = muscle_facts.CATALOGUE.get(base)
     if facts is None:
         return {}
     stress = {tissue: table[base] for tissue, table in muscle_facts.PEAK_STRESS.items()}
-    return {"full_name": facts.full_name, "peak_stress_pa": stress, "source": facts.source}
+    return {"full_name": facts.full_name, "course": facts.course, "peak_stress_pa": stress, "source": facts.source}
 
 
 class _Locator:
