@@ -30,10 +30,7 @@ SOFT = ("velum", "pharynx")
 
 
 def muscles(anatomy: Anatomy, path: Path) -> Path:
-    """All muscles from the left and from the front, together and one by one, as PNG.
-
-    The left half of the regions is drawn, with the fibres of both sides in the small pictures.
-    """
+    """All muscles from the left and from the front, as PNG: the fibres together, then region and fibres one by one."""
     names = list(dict.fromkeys(base_name(name) for name in anatomy.muscles))
     names.sort(key=lambda name: (list(CATALOGUE).index(name) if name in CATALOGUE else len(CATALOGUE), name))
     regions = _regions(anatomy, names)
@@ -45,7 +42,7 @@ def muscles(anatomy: Anatomy, path: Path) -> Path:
     )
     for view, place, title in ((LEFT, grid[0, :2], "from the left"), (FRONT, grid[0, 2:], "from the front")):
         axes = figure.add_subplot(place)
-        axes.imshow(_together(anatomy, regions, view))
+        axes.imshow(_together(anatomy, names, view))
         axes.set_title(title, fontsize=13)
         axes.set_axis_off()
     for index, name in enumerate(names):
@@ -123,10 +120,10 @@ def _picture(plotter: pv.Plotter, anatomy: Anatomy, view: tuple[float, ...], mar
     return np.asarray(image)
 
 
-def _together(anatomy: Anatomy, regions: dict[str, pv.PolyData], view: tuple[float, ...]) -> Floats:
+def _together(anatomy: Anatomy, names: list[str], view: tuple[float, ...]) -> Floats:
     plotter = pv.Plotter(off_screen=True, window_size=(1100, 900))
     plotter.add_mesh(_tongue(anatomy), color="#caa9a0", opacity=0.12, smooth_shading=True)
-    for name in regions:
+    for name in names:
         lines = [
             line for muscle in _sides(anatomy, name) if not muscle.name.endswith("_R") or view == FRONT for line in muscle.fibres.lines
         ]

@@ -89,7 +89,8 @@ def _solve(weak: WeakForm, residual: Expr, bcs: list[fem.DirichletBC]) -> None:
     problem.solve()
 
 
-def _boundary(weak: WeakForm, value: Callable[[Floats], Floats]) -> list[fem.DirichletBC]:
+def _boundary(weak: WeakForm, value: Callable[[Floats], Floats] | fem.Expression) -> list[fem.DirichletBC]:
+    """A displacement given on the whole boundary."""
     tongue = weak.model.tongue
     given = fem.Function(weak.V)
     given.interpolate(value)
@@ -120,11 +121,7 @@ def manufactured(divisions: tuple[int, ...] = (2, 4, 8)) -> Iterator[Row]:
         test = ufl.TestFunction(weak.V)
         load = -ufl.div(weak.passive_stress(exact))
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})
-        points = weak.V.element.interpolation_points
-        value = fem.Expression(exact, points)
-        given = fem.Function(weak.V)
-        given.interpolate(value)
-        bcs = [fem.dirichletbc(given, fem.locate_dofs_topological(weak.V, 2, weak.model.tongue.facet_tags.indices))]
+        bcs = _boundary(weak, fem.Expression(exact, weak.V.element.interpolation_points))
         _solve(weak, ufl.inner(weak.passive_stress(weak.u), ufl.grad(test)) * dx - ufl.inner(load, test) * dx, bcs)
         difference = weak.u - exact
         squares = [ufl.inner(difference, difference) * dx, ufl.inner(ufl.grad(difference), ufl.grad(difference)) * dx]
