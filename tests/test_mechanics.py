@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from math import factorial
 
@@ -18,38 +19,23 @@ import tongue_fenicsx as tf
 from tongue_fenicsx import jit, quadrature
 from tongue_fenicsx.model import WeakForm
 from tongue_fenicsx.passive import bulk_modulus
-from tongue_fenicsx.tonguemesh import MuscleCells, MuscleEntry
+from tongue_fenicsx.tonguemesh import MuscleEntry
+from tongue_fenicsx.verification.rows import homogeneous, stress_at, with_fibres
 
 ANCHOR = np.array([0.05, 0.01, 0.02])
 
 
-def with_fibres(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.0, 0.0, 0.0), entry: bool = False) -> tf.TongueMesh:
-    """The block as one muscle, which with `entry` comes from outside through 0.7 of its right face."""
-    index_map = block.mesh.topology.index_map(3)
-    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    unit = np.array(direction) / np.linalg.norm(direction)
+def with_entry(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> tf.TongueMesh:
+    """The block as one muscle, which comes from outside through 0.7 of its right face."""
+    bar = with_fibres(block, direction)
     facets = block.facets(["right"])
     nodes = np.unique(entities_to_geometry(block.mesh, 2, facets))
-    pull = MuscleEntry(facets, nodes, np.full(len(nodes), 0.7), ANCHOR) if entry else None
-    field = MuscleCells(cells, np.ones((len(cells), 4)), np.tile(unit, (len(cells), 4, 1)), pull)
-    return tf.TongueMesh(block.mesh, block.facet_tags, block.surfaces, {"GGP_L": field}, {}, "bar")
+    pull = MuscleEntry(facets, nodes, np.full(len(nodes), 0.7), ANCHOR)
+    return replace(bar, muscles={"GGP_L": replace(bar.muscles["GGP_L"], entry=pull)})
 
 
 def weak_form(tongue: tf.TongueMesh, active: list[str] | None = None, **options: object) -> WeakForm:
     return tf.Model(tongue, fixed=["left"], **options).weak_form(active or [])  # type: ignore[arg-type]
-
-
-def homogeneous(weak: WeakForm, F: np.ndarray) -> None:
-    """Give the weak form the displacement (F − I) X."""
-    weak.u.interpolate(lambda X: (F - np.eye(3)) @ X)
-    weak.frozen.x.array[:] = weak.u.x.array
-
-
-def stress_at(weak: WeakForm, P: object) -> np.ndarray:
-    """A homogeneous first Piola–Kirchhoff stress, from one quadrature point."""
-    points, _ = quadrature.points_and_weights(weak.model.quadrature_degree)
-    value = fem.Expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())  # type: ignore[index]
-    return np.asarray(value.eval(weak.V.mesh, np.array([0], dtype=np.int32))).reshape(-1, 3, 3)[0]
 
 
 LAWS = {
@@ -203,7 +189,7 @@ def test_tangent_of_other_laws(block: tf.TongueMesh, law: object) -> None:
 def check_tangent(block: tf.TongueMesh, law: object, contraction: tf.Contraction) -> None:
     """Compare the tangent with central differences, and with its transpose."""
     weak = weak_form(
-        with_fibres(block, (1.0, 0.4, -0.2), entry=True),
+        with_entry(block, (1.0, 0.4, -0.2)),
         ["GGP_L"],
         passive=law,
         contraction=contraction,
@@ -220,7 +206,7 @@ def check_tangent(block: tf.TongueMesh, law: object, contraction: tf.Contraction
     rest.x.array[:] = 1e-3 * rng.standard_normal(len(rest.x.array))
     velocity_factor, acceleration_factor = (fem.Constant(weak.V.mesh, default_scalar_type(c)) for c in (40.0, 1600.0))
     w, du = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
-    residual = weak.residual(weak.u, velocity_factor * (weak.u - weak.frozen) + rest, acceleration_factor * weak.u, w)
+    residual = weak.balance(weak.u, velocity_factor * (weak.u - weak.frozen) + rest, acceleration_factor * weak.u, w)
     tangent = fem.form(ufl.derivative(residual, weak.u, du), jit_options=jit.options())
     form = fem.form(residual, jit_options=jit.options())
     A = fem_petsc.assemble_matrix(tangent)
@@ -279,7 +265,7 @@ def test_tendon_carries_tension(block: tf.TongueMesh, stretch: float, tension: f
 
 def test_pull_from_outside(block: tf.TongueMesh) -> None:
     """At rest the pull is 0.7 × peak stress × activation × area, toward the anchor; nearer by 5 % it follows force–length."""
-    weak = weak_form(with_fibres(block, entry=True), ["GGP_L"], sigma_max={"GGP": 3e3}, contraction=tf.Contraction("none"))
+    weak = weak_form(with_entry(block), ["GGP_L"], sigma_max={"GGP": 3e3}, contraction=tf.Contraction("none"))
     weak.set_time(1.0, {"GGP_L": 0.4})
     form = fem.form(sum(weak.outer_work(weak.u, 0 * weak.u, ufl.TestFunction(weak.V))))
 

@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 import pyvista as pv
-from test_mechanics import with_fibres
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.cli import main
+from tongue_fenicsx.verification.rows import with_fibres
 
 DEMOS = Path(__file__).parents[1] / "demos"
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tongue_fenicsx.verify import oscillate, oscillation
+from tongue_fenicsx.verification.motion import oscillate, oscillation
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 0.8, 1.0])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .anatomy import Anatomy
     from .errors import InputError, SolveError
     from .model import Model, Rayleigh
+    from .motion import RigidMotion
     from .parametric import parametric_tongue
     from .passive import MooneyRivlin, NeoHookean, Yeoh
     from .results import Run
@@ -37,6 +38,7 @@ _HOME = {
     "MooneyRivlin": "passive",
     "NeoHookean": "passive",
     "Rayleigh": "model",
+    "RigidMotion": "motion",
     "Run": "results",
     "Simulation": "simulation",
     "SolveError": "errors",
@@ -52,7 +54,7 @@ _HOME = {
 
 __all__ = [
     "Activation", "Anatomy", "Contraction", "Excited", "InputError", "Model", "MooneyRivlin", "NeoHookean", "Rayleigh",
-    "Run", "Simulation", "SolveError", "Stepping", "Tolerances", "TongueMesh", "TongueShape", "Yeoh", "parametric_tongue",
+    "RigidMotion", "Run", "Simulation", "SolveError", "Stepping", "Tolerances", "TongueMesh", "TongueShape", "Yeoh", "parametric_tongue",
     "ramp", "read_subject",
 ]  # fmt: skip
 

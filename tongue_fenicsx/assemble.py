@@ -78,7 +78,9 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         density=s.tissue_value("density"),
         sigma_max=s.sigma_max(),
         fixed=s.boundary.fixed,
-        gravity=s.gravity.acceleration,
+        moving={name: section.motion() for name, section in s.boundary.moving.items()},
+        mixed=s.tissue.formulation == "mixed",
+        gravity=s.gravity.vector,
         gravity_rise=s.gravity.rise,
     )
     step_max = s.time.step or s.time.step_max
@@ -87,7 +89,7 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         model,
         {name: _course(s, section) for name, section in s.activation.items()},
         s.probes,
-        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every, s.time.quasi_static, s.output.fields),
+        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every, s.time.quasi_static, s.output.fields, s.time.tolerance),
         Tolerances(s.solver.rtol, s.solver.atol, s.solver.linear, s.solver.max_newton),
     )
 

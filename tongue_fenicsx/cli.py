@@ -265,14 +265,12 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
 
 @app.command()
 def verify(
-    only: Annotated[
-        str | None, typer.Option("--only", metavar="NAME", help="One case: patch, manufactured, time, decay or calculix.")
-    ] = None,
+    only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case, such as patch, fibres or calculix.")] = None,
 ) -> None:
     """Compare the model with closed forms and with CalculiX; exit 0 only if every row holds."""
     from mpi4py import MPI
 
-    from .verify import CASES
+    from .verification import CASES
 
     if only is not None and only not in CASES:
         raise InputError(f"--only: {only!r} is not one of {', '.join(CASES)}.")

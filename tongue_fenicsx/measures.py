@@ -13,9 +13,8 @@ from mpi4py import MPI
 from . import jit, quadrature
 from .fibres import Floats
 from .model import WeakForm
-from .passive import Expr
 
-ENERGIES = ("kinetic", "elastic", "muscle_work", "gravity_work", "dissipated")
+ENERGIES = ("kinetic", "elastic", "muscle_work", "gravity_work", "support_work", "dissipated")
 
 
 def hencky_von_mises(F: Floats) -> Floats:
@@ -40,6 +39,7 @@ class Balance:
     elastic: float = 0.0
     muscle_work: float = 0.0
     gravity_work: float = 0.0
+    support_work: float = 0.0
     dissipated: float = 0.0
     start: float = field(default=0.0, repr=False)
     peak: float = field(default=0.0, repr=False)
@@ -47,14 +47,15 @@ class Balance:
 
     @property
     def error(self) -> float:
-        """Largest imbalance so far over the peak muscle work (or, without muscles, over the largest energy)."""
+        """Largest imbalance so far over the peak muscle work (or, without muscles, over the largest other one)."""
         return self.worst / self.peak if self.peak > 0 else 0.0
 
     def update(self) -> None:
         """Take note of the present imbalance."""
-        gap = self.muscle_work + self.gravity_work + self.start - self.kinetic - self.elastic - self.dissipated
-        self.worst = max(self.worst, abs(gap))
-        largest = abs(self.muscle_work) if self.muscle_work else max(self.kinetic, self.elastic, abs(self.gravity_work))
+        work = self.muscle_work + self.gravity_work + self.support_work
+        self.worst = max(self.worst, abs(work + self.start - self.kinetic - self.elastic - self.dissipated))
+        others = (self.kinetic, self.elastic, abs(self.gravity_work), abs(self.support_work))
+        largest = abs(self.muscle_work) if self.muscle_work else max(others)
         self.peak = max(self.peak, largest)
 
 
@@ -65,11 +66,11 @@ class Measures:
     ----------
     weak : WeakForm
         The weak form, whose `u` is the state to measure.
-    v : UFL expression
-        Its velocity.
+    v, a : fem.Function
+        Its velocity and acceleration.
     """
 
-    def __init__(self, weak: WeakForm, v: Expr) -> None:
+    def __init__(self, weak: WeakForm, v: fem.Function, a: fem.Function) -> None:
         mesh = weak.V.mesh
         self._comm = mesh.comm
         points, weights = quadrature.points_and_weights(weak.model.quadrature_degree)
@@ -83,8 +84,13 @@ class Measures:
         self._points = np.einsum("qv,cvd->cqd", np.column_stack([1 - points.sum(axis=1), points]), corners)
         works = [ufl.replace(work, {weak.frozen: weak.u}) for work in weak.outer_work(weak.u, v, ufl.TestFunction(weak.V))]
         self._pull = fem.form(sum(works[1:], works[0]), jit_options=jit.options()) if works else None
+        self._forces = fem.form(weak.balance(weak.u, v, a, ufl.TestFunction(weak.V)), jit_options=jit.options())
+        owned = weak.V.dofmap.index_map.size_local
+        self._supports = {name: nodes[nodes < owned] for name, nodes in weak.supports.items()}
+        moved = [self._supports[name] for name in weak.model.moving]
+        self._moved = np.unique(np.concatenate(moved)) if moved else np.empty(0, dtype=np.int32)
         self.balance = Balance()
-        self._previous: tuple[Floats, Floats, Floats] | None = None
+        self._previous: tuple[Floats, Floats, Floats, Floats] | None = None
 
     def sum(self, density: Floats) -> float:
         """Integral of a density, (cells, points), over the whole tongue."""
@@ -98,48 +104,68 @@ class Measures:
         self.F = self._now[..., :9].reshape(*self.weights.shape, 3, 3)
         self.J = np.linalg.det(self.F)
 
-    def _outside(self) -> tuple[Floats, Floats]:
-        """Nodal forces in N of muscles from outside, and the displacement, of the unknowns of this rank."""
-        V = self._weak.V
-        owned = 3 * V.dofmap.index_map.size_local
-        if self._pull is None:
-            return np.zeros(0), np.zeros(0)
-        force = fem.assemble_vector(self._pull)
-        force.scatter_reverse(la.InsertMode.add)
-        return force.array[:owned].copy(), self._weak.u.x.array[:owned].copy()
+    def forces(self) -> Floats:
+        """Nodal forces in N that the balance leaves over, (owned nodes, 3): nil inside, at bonded nodes what the bone exerts."""
+        return self._assembled(self._forces)
+
+    def _assembled(self, form: fem.Form) -> Floats:
+        vector = fem.assemble_vector(form)
+        vector.scatter_reverse(la.InsertMode.add)
+        return np.array(vector.array[: 3 * self._weak.V.dofmap.index_map.size_local]).reshape(-1, 3)
+
+    def _nodal(self) -> tuple[Floats, Floats, Floats]:
+        """Of owned nodes, (n, 3): displacement, pull of muscles from outside, and reactions of the bones."""
+        owned = self._weak.V.dofmap.index_map.size_local
+        u = self._weak.u.x.array.reshape(-1, 3)[:owned].copy()
+        pull = np.zeros_like(u) if self._pull is None else self._assembled(self._pull)
+        reaction = self.forces()
+        self.support_forces = {
+            name: np.asarray(self._comm.allreduce(reaction[nodes].sum(axis=0))) for name, nodes in self._supports.items()
+        }
+        return u, pull, reaction
+
+    def _remember(self, u: Floats, pull: Floats, reaction: Floats) -> None:
+        """Keep what the next step begins with."""
+        self._previous = self._now, u, pull, reaction
+        self._gravity = self._weak.gravity.value.copy()
 
     def start(self) -> None:
         """Begin the energy balance at the present state."""
         self.evaluate()
         self._energies()
         self.balance.start = self.balance.kinetic + self.balance.elastic
-        self._previous = self._now, *self._outside()
+        self._remember(*self._nodal())
 
     def resume(self, balance: Balance) -> None:
         """Go on with an energy balance from a checkpoint."""
         self.evaluate()
         self.balance = balance
-        self._previous = self._now, *self._outside()
+        self._remember(*self._nodal())
 
     def advance(self) -> None:
         """Add the step that led to the present state to the energy balance."""
         self.evaluate()
         assert self._previous is not None
-        before, force_before, u_before = self._previous
-        now, (force, u) = self._now, self._outside()
+        before, u_before, pull_before, reaction_before = self._previous
+        now, (u, pull, reaction) = self._now, self._nodal()
         mean, change = (before + now) / 2, now - before
         dF, du = change[..., :9], change[..., 28:31]
         model = self._weak.model
         b = self.balance
         b.muscle_work -= self.sum((mean[..., 9:18] * dF).sum(axis=-1))
         b.muscle_work += self.sum(mean[..., 27] / mean[..., 34] * change[..., 34])
-        b.muscle_work += float(self._comm.allreduce(float((force_before + force) @ (u - u_before)) / 2))
+        b.muscle_work += self._work(pull_before + pull, u - u_before)
+        b.support_work += self._work((reaction_before + reaction)[self._moved], (u - u_before)[self._moved])
         drag = model.damping.alpha * model.density * (mean[..., 31:34] * du).sum(axis=-1)
         b.dissipated += self.sum((mean[..., 18:27] * dF).sum(axis=-1) + drag)
-        b.gravity_work += self.sum(model.density * (du @ self._weak.gravity.value))
+        b.gravity_work += self.sum(model.density * (du @ (self._gravity + self._weak.gravity.value))) / 2
         self._energies()
         b.update()
-        self._previous = now, force, u
+        self._remember(u, pull, reaction)
+
+    def _work(self, twice_force: Floats, path: Floats) -> float:
+        """Work in J of nodal forces, (n, 3), of which the sum before and after a step is given."""
+        return float(self._comm.allreduce(float((twice_force * path).sum()) / 2))
 
     def _energies(self) -> None:
         density = self._weak.model.density

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
 from dolfinx.mesh import entities_to_geometry
 from scipy.spatial import cKDTree
 
@@ -17,6 +18,7 @@ from . import quadrature
 from .active import Contraction, FibreSlots, OuterPull, smooth_fade
 from .errors import InputError
 from .fibres import Floats
+from .motion import RigidMotion
 from .passive import VOLUMETRIC, Expr, Passive, Yeoh, bulk_modulus
 from .tonguemesh import TongueMesh
 
@@ -62,6 +64,11 @@ class Model:
         Peak active stress in Pa by muscle (``GGP``) or muscle and side (``GGP_L``).
     fixed : sequence of str
         Tagged surfaces that do not move.
+    moving : mapping
+        Tagged surfaces that move as bones do, and how.
+    mixed : bool
+        Whether the pressure is an unknown of its own (linear, beside the quadratic displacement), which stays accurate up
+        to ν = 0.5; otherwise it comes from the change of volume.
     gravity : (3,) sequence of float
         Acceleration in m/s².
     gravity_rise : float
@@ -72,7 +79,7 @@ class Model:
     Raises
     ------
     InputError
-        If a fixed surface is not in the mesh or a number is out of range.
+        If a bonded surface is not in the mesh, the mixed form does not know the law, or a number is out of range.
     """
 
     tongue: TongueMesh
@@ -82,6 +89,8 @@ class Model:
     density: float = 1000.0
     sigma_max: Mapping[str, float] = field(default_factory=lambda: muscle_facts.CALKA_STRESS)
     fixed: Sequence[str] = ("mandible", "hyoid")
+    moving: Mapping[str, RigidMotion] = field(default_factory=dict)
+    mixed: bool = False
     gravity: Sequence[float] = (0.0, 0.0, 0.0)
     gravity_rise: float = 0.1
     quadrature_degree: int = 3
@@ -89,20 +98,32 @@ class Model:
     def __post_init__(self) -> None:
         if not self.density > 0:
             raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
-        for name in self.fixed:
-            if name not in self.tongue.surfaces:
-                raise InputError(f"boundary.fixed: the mesh has no surface {name!r}; it has {', '.join(sorted(self.tongue.surfaces))}.")
-        if self.tongue.comm.allreduce(len(self.tongue.facets(list(self.fixed)))) == 0:
-            known = ", ".join(sorted(self.tongue.surfaces))
+        known = ", ".join(sorted(self.tongue.surfaces))
+        for key, names in (("fixed", self.fixed), ("moving", self.moving)):
+            for name in names:
+                if name not in self.tongue.surfaces:
+                    raise InputError(f"boundary.{key}: the mesh has no surface {name!r}; it has {known}.")
+        for name in set(self.fixed) & set(self.moving):
+            raise InputError(f"boundary.moving.{name}: {name} is fixed, too; name it in one of the two.")
+        if self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
             raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
+        if not self.mixed and self.passive.nu >= 0.5:
+            raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
+        if self.mixed and self.passive.volumetric != "quadratic":
+            raise InputError(f"volumetric: {self.passive.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
         for name, value in self.sigma_max.items():
             if not value >= 0:
                 raise InputError(f"sigma_max: {name} has {value} Pa; zero or a positive stress is expected.")
 
+    @property
+    def bonded(self) -> list[str]:
+        """Surfaces on bone, fixed and moving."""
+        return [*self.fixed, *self.moving]
+
     def tendon_factor(self, points: Floats) -> Floats:
         """Share of the active stress that is left at points (n, 3): 0 at a bonded area, 1 beyond the tendon."""
         tongue = self.tongue
-        facets = tongue.facets(list(self.fixed))
+        facets = tongue.facets(self.bonded)
         mesh = tongue.mesh
         mesh.topology.create_connectivity(2, 3)
         nodes = mesh.geometry.x[entities_to_geometry(mesh, 2, facets)].reshape(-1, 3, 3)
@@ -126,6 +147,13 @@ class WeakForm:
         Quadratic displacement.
     u, frozen : dolfinx.fem.Function
         Displacement, and the stand-in for it that the tangent holds fixed (see `Contraction.stress`).
+    pressure : dolfinx.fem.Function or None
+        In the mixed form, the mean stress (tension counts positive) times a typical edge over the shear modulus, in m: so
+        both residuals are in N.
+    bcs : list of dolfinx.fem.DirichletBC
+        Of the bonded surfaces.
+    supports : dict
+        Bonded surface to its nodes on this rank, ghosts included.
     slots : FibreSlots
         The muscles.
     pulls : list of OuterPull
@@ -152,36 +180,54 @@ class WeakForm:
         self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
         passive = model.passive
         self._constants = {name: self._constant(value) for name, value in passive.parameters.items()}
-        self._kappa = self._constant(bulk_modulus(passive))
         self._mu = self._constant(passive.shear_modulus)
         self._density = self._constant(model.density)
         self._alpha = self._constant(model.damping.alpha)
         self._beta = self._constant(model.damping.beta)
         self.gravity = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
-        facets = tongue.facets(list(model.fixed))
-        dofs = fem.locate_dofs_topological(self.V, 2, facets)
-        self.bcs = [fem.dirichletbc(np.zeros(3, dtype=default_scalar_type), dofs, self.V)]
+        self.pressure: fem.Function | None = None
+        if model.mixed:
+            self.pressure = fem.Function(fem.functionspace(mesh, ("P", 1)), name="pressure")
+            self._compressibility = self._constant((1 - 2 * passive.nu) / passive.shear_modulus)
+            self._stress = self._constant(passive.shear_modulus / _typical_edge(mesh))
+        else:
+            self._kappa = self._constant(bulk_modulus(passive))
+        self._prescribed = fem.Function(self.V)
+        self.supports = {name: fem.locate_dofs_topological(self.V, 2, tongue.facets([name])) for name in model.bonded}
+        self.bcs = [fem.dirichletbc(self._prescribed, nodes) for nodes in self.supports.values()]
 
     def _constant(self, value: float) -> fem.Constant:
         return fem.Constant(self.V.mesh, default_scalar_type(value))
 
     def set_time(self, t: float, levels: Mapping[str, float]) -> None:
-        """Set gravity and the activations for time `t` (s)."""
+        """Set gravity, the activations and the places of moving bones for time `t` (s)."""
         rise = self.model.gravity_rise
         share = min(t / rise, 1.0) if rise > 0 else 1.0
         self.gravity.value[:] = share * np.asarray(self.model.gravity)
         self.slots.activate(levels)
         for pull in self.pulls:
             pull.activate(levels)
+        for name, motion in self.model.moving.items():
+            nodes = self.supports[name]
+            self._prescribed.x.array.reshape(-1, 3)[nodes] = motion.displacement(self.V.tabulate_dof_coordinates()[nodes], t)
+
+    def hold(self) -> None:
+        """Put the nodes of bonded surfaces where the bones are."""
+        for bc in self.bcs:
+            bc.set(self.u.x.array)
 
     def energy_density(self, F: Expr) -> Expr:
-        """Elastic energy density Ψ in J/m³."""
+        """Elastic energy density Ψ in J/m³; in the mixed form Ψ_iso + p (J − 1) − p²/(2κ), stationary in p."""
         J, C = ufl.det(F), F.T * F
         I1 = J ** (-2 / 3) * ufl.tr(C)
         I2 = (I1**2 - J ** (-4 / 3) * ufl.inner(C, C)) / 2
         passive = self.model.passive
-        energy = passive.isochoric_energy(I1, I2, self._constants) + self._kappa * VOLUMETRIC[passive.volumetric](J)
-        return self.slots.stiffness * energy if self.model.contraction.stiffening else energy
+        stiffness = self.slots.stiffness if self.model.contraction.stiffening else 1.0
+        isochoric = stiffness * passive.isochoric_energy(I1, I2, self._constants)
+        if self.pressure is None:
+            return isochoric + stiffness * self._kappa * VOLUMETRIC[passive.volumetric](J)
+        p = self._stress * self.pressure
+        return isochoric + p * (J - 1) - self._compressibility / stiffness * p**2 / 2
 
     def passive_stress(self, u: Expr) -> Expr:
         """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa."""
@@ -194,10 +240,11 @@ class WeakForm:
         return self.slots.stress(self.model.contraction, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
 
     def damping_stress(self, v: Expr) -> Expr:
-        """β times the rest-state stiffness on the velocity, in Pa."""
+        """β times the rest-state stiffness on the velocity, in Pa; its deviatoric part alone in the mixed form."""
         strain = ufl.sym(ufl.grad(v))
         isotropic = ufl.tr(strain) * ufl.Identity(3)
-        return self._beta * (2 * self._mu * (strain - isotropic / 3) + self._kappa * isotropic)
+        deviatoric = 2 * self._mu * (strain - isotropic / 3)
+        return self._beta * (deviatoric if self.pressure is not None else deviatoric + self._kappa * isotropic)
 
     def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
         """Cauchy stress of tissue, muscles and damping in Pa, as a vector of nine."""
@@ -222,13 +269,31 @@ class WeakForm:
         """Virtual work on `w` of each muscle that pulls from outside."""
         return [pull.work(self.model.contraction, u, v, self.frozen, w) for pull in self.pulls]
 
-    def residual(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
-        """The weak form tested with `w`."""
+    def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
+        """Balance of forces, tested with `w`."""
         stress = self.passive_stress(u) + self.active_stress(u, v)
         if self.model.damping.beta > 0:
             stress += self.damping_stress(v)
         form = ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
         return sum((-work for work in self.outer_work(u, v, w)), form)
+
+    def equations(self, v: Expr, a: Expr) -> tuple[Expr, Expr]:
+        """Residual and tangent at `u` (and `pressure`) with velocity and acceleration as functions of it; as blocks in the mixed form."""
+        if self.pressure is None:
+            residual = self.balance(self.u, v, a, ufl.TestFunction(self.V))
+            return residual, ufl.derivative(residual, self.u, ufl.TrialFunction(self.V))
+        W = ufl.MixedFunctionSpace(self.V, self.pressure.function_space)
+        (w, q), (du, dp) = ufl.TestFunctions(W), ufl.TrialFunctions(W)
+        volume = ufl.derivative(self.energy_density(ufl.Identity(3) + ufl.grad(self.u)) * self.dx, self.pressure, q)
+        residual = self.balance(self.u, v, a, w) + volume
+        tangent = ufl.derivative(residual, self.u, du) + ufl.derivative(residual, self.pressure, dp)
+        return ufl.extract_blocks(residual), ufl.extract_blocks(tangent)
+
+    def pressure_weight(self) -> Expr:
+        """What the Schur complement of the pressure is like: its mass matrix over the moduli."""
+        assert self.pressure is not None
+        p, q = ufl.TrialFunction(self.pressure.function_space), ufl.TestFunction(self.pressure.function_space)
+        return -(self._stress**2) * (self._compressibility + 1 / self._mu) * p * q * self.dx
 
     def densities(self, u: Expr, v: Expr) -> Expr:
         """What energies are made of, 35 numbers per point: F, P_active, P_damping, Ψ, u, v, the tissue's stiffening."""
@@ -238,3 +303,11 @@ class WeakForm:
         flat = [P[i, j] for P in parts for i in range(3) for j in range(3)]
         stiffening = self.slots.stiffness if self.model.contraction.stiffening else 1.0
         return ufl.as_vector([*flat, self.energy_density(F), *(u[i] for i in range(3)), *(v[i] for i in range(3)), stiffening])
+
+
+def _typical_edge(mesh: dmesh.Mesh) -> float:
+    """Edge in m of the regular tetrahedron that has the mean volume of the cells."""
+    owned = mesh.topology.index_map(3)
+    corners = mesh.geometry.x[mesh.geometry.dofmaps[0][: owned.size_local]]
+    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
+    return float((6 * np.sqrt(2) * mesh.comm.allreduce(float(volume)) / owned.size_global) ** (1 / 3))

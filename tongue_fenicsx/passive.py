@@ -54,8 +54,10 @@ class _Law:
         for item in fields(self):
             value = getattr(self, item.name)
             if item.name == "nu":
-                if not -1 < value < 0.5:
-                    raise InputError(f"nu: {value}; Poisson's ratio must be below 0.5 (0.49 to 0.4999 for tissue).")
+                if not -1 < value <= 0.5:
+                    raise InputError(
+                        f"nu: {value}; Poisson's ratio must be below 0.5 (0.49 to 0.4999 for tissue), or 0.5 in the mixed form."
+                    )
             elif item.name == "volumetric":
                 if value not in VOLUMETRIC:
                     raise InputError(f"volumetric: {value!r}; {' or '.join(VOLUMETRIC)} is expected.")
@@ -80,7 +82,7 @@ class Yeoh(_Law):
     c10, c20 : float
         Stiffnesses in Pa.
     nu : float
-        Poisson's ratio, below 0.5.
+        Poisson's ratio, below 0.5, or 0.5 in the mixed form.
     volumetric : str
         ``"quadratic"`` U = (J−1)²/2, or ``"barrier"`` U = (J²−1−2 ln J)/4.
     c30 : float
@@ -89,7 +91,7 @@ class Yeoh(_Law):
     Raises
     ------
     InputError
-        If a stiffness is negative or ν is outside (−1, 0.5).
+        If a stiffness is negative or ν is outside (−1, 0.5].
     """
 
     c10: float

@@ -106,6 +106,9 @@ def _canonical(of_cell: Ints, vertices: Ints, n_nodes: int) -> Ints:
     return number
 
 
+STATE = ("u", "v", "acceleration", "auxiliary", "pressure")
+"""Arrays of a `State`."""
+
 RUN_FILES = [
     "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5",
     *(f"figures/{name}" for name in ("midsagittal.png", "midsagittal.pdf", "view3d.png", "trajectories.png", "trajectories.pdf")),
@@ -144,7 +147,7 @@ class RunWriter:
             file["mesh/cells"] = self.numbering.cells.astype(np.int32)  # type: ignore[union-attr]
 
     def record(self, row: dict[str, Any]) -> None:
-        """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``volume_ratio`` and the energies."""
+        """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``support`` (name to (3,)), ``volume_ratio`` and the energies."""
         self.rows.append(row)
 
     def write_fields(self, t: float, nodal: Mapping[str, Floats], cellwise: Mapping[str, Floats]) -> None:
@@ -198,12 +201,14 @@ class RunWriter:
                 file["volume_ratio"] = [row["volume_ratio"] for row in self.rows]
                 for name in ENERGIES:
                     file[f"energy/{name}"] = [row[name] for row in self.rows]
+                for name in self.rows[0]["support"]:
+                    file[f"support/{name}"] = np.array([row["support"][name] for row in self.rows])
 
         _replace(self.folder / "history.h5", write)
 
     def write_checkpoint(self, state: State, balance: Balance, counters: Mapping[str, Any], identity: str) -> None:
         """Save the whole state; `identity` says of what problem, so that no other one continues from it."""
-        fields = {name: self.numbering.gather(getattr(state, name)) for name in ("u", "v", "acceleration", "auxiliary")}
+        fields = {name: self.numbering.gather(getattr(state, name)) for name in STATE}
         if not self._root:
             return
 
@@ -244,7 +249,7 @@ class RunWriter:
                 "times": list(map(float, file.attrs["times"])),
                 "balance": json.loads(file.attrs["balance"]),
                 "counters": json.loads(file.attrs["counters"]),
-                "fields": {name: file[name][:] for name in ("u", "v", "acceleration", "auxiliary")},
+                "fields": {name: file[name][:] for name in STATE},
             }
             n_rows = int(file.attrs["rows"])
             assert self.numbering.points is not None
@@ -258,7 +263,12 @@ class RunWriter:
             columns = {name: file[f"energy/{name}"][:n_rows] for name in ENERGIES}
             columns |= {"t": file["time"][:n_rows], "volume_ratio": file["volume_ratio"][:n_rows]}
             probes = file["probes"][:, :n_rows].transpose(1, 0, 2)
-        stored["rows"] = [{name: float(column[i]) for name, column in columns.items()} | {"probes": probes[i]} for i in range(n_rows)]
+            support = {name: data[:n_rows] for name, data in file["support"].items()}
+        stored["rows"] = [
+            {name: float(column[i]) for name, column in columns.items()}
+            | {"probes": probes[i], "support": {name: forces[i] for name, forces in support.items()}}
+            for i in range(n_rows)
+        ]
         path = self.folder / "fields.h5"
         with reading(path, expected), h5py.File(path, "r+") as file:
             if len(file["mesh/points"]) != len(self.numbering.points):
@@ -300,6 +310,8 @@ class Run:
         Name to displacement (n_t, 3) in m.
     energy : dict
         Name to energy or work (n_t,) in J.
+    support : dict
+        Bonded surface to the force (n_t, 3) in N that its bone exerts on the tongue.
     volume_ratio : (n_t,) float array
         Volume over rest volume.
 
@@ -319,6 +331,7 @@ class Run:
             self.time: Floats = file["time"][:]
             self.probes: dict[str, Floats] = dict(zip(file["probes"].attrs["names"], file["probes"][:], strict=True))
             self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
+            self.support: dict[str, Floats] = {name: data[:] for name, data in file["support"].items()}
             self.volume_ratio: Floats = file["volume_ratio"][:]
 
     def field(self, name: str, index: int = -1) -> Floats:

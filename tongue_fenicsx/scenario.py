@@ -19,6 +19,7 @@ from .active import FORCE_VELOCITY
 from .errors import InputError, reading
 from .fields import EXTRA_FIELDS
 from .meshing import PRESETS
+from .motion import RigidMotion
 from .parametric import SPLITTABLE
 from .shape import TongueShape
 
@@ -37,6 +38,10 @@ TISSUES: dict[str, dict[str, float]] = {
 }
 """Density in kg/m³ and Rayleigh damping in 1/s and s that go with each passive preset: the chapter; Buchaillard 2009;
 Kappert 2021 with the chapter's damping."""
+
+
+POSTURES = {"upright": (0.0, 0.0, -9.81), "supine": (9.81, 0.0, 0.0)}
+"""Gravity in m/s² by the posture of the head: z points up, x to the back of the head."""
 
 
 def one_of(names: Collection[str]) -> AfterValidator:
@@ -101,8 +106,9 @@ class TissueSection(Section):
     c20: NotNegative | None = None
     c30: NotNegative | None = None
     c01: NotNegative | None = None
-    nu: Annotated[float, Field(strict=True, gt=-1, lt=0.5)] | None = None
+    nu: Annotated[float, Field(strict=True, gt=-1, le=0.5)] | None = None
     volumetric: Annotated[str, one_of(passive.VOLUMETRIC)] = "quadratic"
+    formulation: Literal["displacement", "mixed"] = "displacement"
     density: Positive | None = None
     rayleigh_alpha: NotNegative | None = None
     rayleigh_beta: NotNegative | None = None
@@ -128,17 +134,59 @@ class MuscleSection(Section):
     sigma_max: dict[str, NotNegative] = {}
 
 
-class BoundarySection(Section):
-    """Tagged surfaces that do not move."""
+Point = tuple[Finite, Finite, Finite]
 
-    fixed: list[str] = ["mandible", "hyoid"]
+
+class MotionSection(Section):
+    """The motion of a bone: pieces of duration in s, start and target, of an angle in degrees and of a translation."""
+
+    angle: list[tuple[Seconds, Finite, Finite]] = []
+    translation: list[tuple[Seconds, Point, Point]] = []
+    centre: Point = (0.0, 0.0, 0.0)
+    axis: Point = (0.0, 1.0, 0.0)
+
+    @model_validator(mode="after")
+    def _moves(self) -> MotionSection:
+        self.motion()
+        return self
+
+    def motion(self) -> RigidMotion:
+        """The motion."""
+        return RigidMotion(**dict(self))
+
+
+class BoundarySection(Section):
+    """Tagged surfaces that do not move (mandible and hyoid unless they move), and those that move with a bone."""
+
+    fixed: list[str]
+    moving: dict[str, MotionSection] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bones(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "fixed" not in data:
+            moving = data.get("moving")
+            return data | {"fixed": [name for name in ("mandible", "hyoid") if not (isinstance(moving, dict) and name in moving)]}
+        return data
 
 
 class GravitySection(Section):
-    """Gravity in m/s² and the time in s over which it grows from zero."""
+    """Gravity in m/s², also by the posture of the head, and the time in s over which it grows from zero."""
 
-    acceleration: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
+    acceleration: Point = (0.0, 0.0, 0.0)
+    posture: Literal["upright", "supine"] | None = None
     rise: NotNegative = 0.1
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> GravitySection:
+        if self.posture is not None and any(self.acceleration):
+            raise ValueError("either acceleration or posture is expected")
+        return self
+
+    @property
+    def vector(self) -> Point:
+        """Gravity in m/s²."""
+        return self.acceleration if self.posture is None else POSTURES[self.posture]
 
 
 class TimeSection(Section):
@@ -148,6 +196,7 @@ class TimeSection(Section):
     step: Seconds | None = None
     step_max: Seconds = 5e-3
     step_min: Seconds | None = None
+    tolerance: Annotated[float, Field(strict=True, gt=0, lt=1)] | None = None
     spectral_radius: Annotated[float, Field(strict=True, ge=0, le=1)] = 0.8
     quasi_static: Flag = False
 
@@ -201,14 +250,14 @@ class Scenario(Section):
     mesh: MeshSection
     tissue: TissueSection = TissueSection()
     muscles: MuscleSection = MuscleSection()
-    boundary: BoundarySection = BoundarySection()
+    boundary: BoundarySection = Field(default_factory=lambda: BoundarySection.model_validate({}))
     gravity: GravitySection = GravitySection()
     time: TimeSection
     output: OutputSection = OutputSection()
     solver: SolverSection = SolverSection()
     activation: dict[str, ActivationSection] = {}
     excitation: ExcitationSection | None = None
-    probes: dict[str, str | tuple[Finite, Finite, Finite]] | None = None
+    probes: dict[str, str | Point] | None = None
 
     def in_metres(self) -> Scenario:
         """The same scenario with every length in m (gravity is always in m/s²)."""
@@ -224,9 +273,21 @@ class Scenario(Section):
         )
         written = self.muscles.model_fields_set
         tendon = 1e-3 * self.muscles.tendon_length if "tendon_length" in written else self.muscles.tendon_length
-        probes = self.probes and {n: p if isinstance(p, str) else (1e-3 * p[0], 1e-3 * p[1], 1e-3 * p[2]) for n, p in self.probes.items()}
+        probes = self.probes and {name: p if isinstance(p, str) else _metres(p) for name, p in self.probes.items()}
+        moving = {
+            name: m.model_copy(
+                update={"centre": _metres(m.centre), "translation": [(d, _metres(a), _metres(b)) for d, a, b in m.translation]}
+            )
+            for name, m in self.boundary.moving.items()
+        }
         return self.model_copy(
-            update={"units": "m", "mesh": mesh, "muscles": self.muscles.model_copy(update={"tendon_length": tendon}), "probes": probes}
+            update={
+                "units": "m",
+                "mesh": mesh,
+                "muscles": self.muscles.model_copy(update={"tendon_length": tendon}),
+                "boundary": self.boundary.model_copy(update={"moving": moving}),
+                "probes": probes,
+            }
         )
 
     def law(self) -> passive.Passive:
@@ -244,6 +305,11 @@ class Scenario(Section):
     def sigma_max(self) -> dict[str, float]:
         """Peak stress in Pa by muscle: the tissue's table with the scenario's values in place."""
         return muscles.PEAK_STRESS[self.tissue.preset] | self.muscles.sigma_max
+
+
+def _metres(point: Point) -> Point:
+    """A point or length that is given in mm."""
+    return (1e-3 * point[0], 1e-3 * point[1], 1e-3 * point[2])
 
 
 def load(path: Path, changes: list[str] | None = None) -> Scenario:

@@ -11,7 +11,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TextIO
@@ -26,6 +26,7 @@ from petsc4py import PETSc
 from . import __version__, jit
 from .activation import Course, FunctionOfTime
 from .errors import InputError, SolveError, check_outputs
+from .fibres import Floats
 from .fields import ExtraFields
 from .measures import ENERGIES, Measures
 from .model import Model
@@ -35,6 +36,9 @@ from .results import RUN_FILES, Run, RunWriter
 from .solver import Newton, Tolerances
 from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero
+
+SMALL = 1e-4
+"""Displacement in m below which the error of a step is not judged more sharply: motion from rest would need endless steps."""
 
 Report = Callable[["Progress"], None]
 
@@ -51,6 +55,10 @@ class Stepping:
         Of generalized-alpha, 0…1.
     output_every : float
         Time in s between stored fields.
+    tolerance : float, optional
+        Accepted error of a step over the largest displacement so far (at least 0.1 mm), both as root mean squares over the
+        nodes; steps grow and shrink between `step_min` and `step_max` to meet it. By default steps are `step_max`, shorter only
+        where a solve fails.
     quasi_static : bool
         Whether inertia and rates are left out, so that every output is an equilibrium.
     fields : sequence of str
@@ -63,8 +71,11 @@ class Stepping:
     output_every: float = 0.01
     quasi_static: bool = False
     fields: Sequence[str] = ()
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
+        if self.tolerance is not None and not 0 < self.tolerance < 1:
+            raise InputError(f"time.tolerance: {self.tolerance}; a share above 0 and below 1 is expected, such as 0.001.")
         for name in ("step_max", "step_min", "output_every"):
             if not (np.isfinite(value := getattr(self, name)) and value > 0):
                 raise InputError(f"{name}: {value}; a positive number of seconds is expected.")
@@ -200,14 +211,14 @@ class _Loop:
         """Compile the forms, and begin at rest or at the checkpoint; nothing is written before all has been read."""
         self.weak = self.model.weak_form(list(self.simulation.activation))
         weak = self.weak
-        quasi_static = self.stepping.quasi_static
-        self.scheme = QuasiStatic(weak.u) if quasi_static else GeneralizedAlpha(weak.u, self.stepping.spectral_radius)
-        test, trial = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
-        residual = weak.residual(weak.u, self.scheme.v, self.scheme.acceleration, test)
-        tangent = ufl.derivative(residual, weak.u, trial)
-        self._solver = Newton(residual, tangent, weak.u, weak.frozen, weak.bcs, self.simulation.tolerances, self.say)
-        self.velocity = fem.Function(weak.V, name="velocity")
-        self.measures = Measures(weak, self.velocity)
+        self.scheme = (
+            QuasiStatic(weak.u, weak.pressure)
+            if self.stepping.quasi_static
+            else GeneralizedAlpha(weak.u, self.stepping.spectral_radius, weak.pressure)
+        )
+        self._solver = Newton(weak, self.scheme, self.simulation.tolerances, self.say)
+        self.velocity, self.acceleration = fem.Function(weak.V, name="velocity"), fem.Function(weak.V)
+        self.measures = Measures(weak, self.velocity, self.acceleration)
         self.extra = ExtraFields(weak, self.velocity, self.measures, self.stepping.fields)
         self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.names)
         checkpoint = self.writer.read_checkpoint(self._identity()) if self.resume else None
@@ -240,7 +251,8 @@ class _Loop:
         model = self.model
         points = self.writer.numbering.points
         parts: list[Any] = [asdict(getattr(model, n)) for n in ("passive", "contraction", "damping")]  # type: ignore[call-overload]
-        parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise]
+        parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise, model.mixed]
+        parts += [{name: asdict(motion) for name, motion in model.moving.items()}]
         parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
         parts += [{name: course.description for name, course in self.simulation.activation.items()}]
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
@@ -250,14 +262,11 @@ class _Loop:
     def _initial_acceleration(self) -> None:
         """ü₀ from the balance of forces at the start: M ü₀ = −r(u₀, v₀, 0)."""
         weak, state = self.weak, self.scheme.state
-        w, a = ufl.TestFunction(weak.V), ufl.TrialFunction(weak.V)
-        v = fem.Function(weak.V)
-        v.x.array[:] = state.v
-        rest = weak.residual(weak.u, v, ufl.as_vector([0.0] * 3), w)
-        b = fem_petsc.assemble_vector(fem.form(rest, jit_options=jit.options()))
-        b.ghostUpdate(addv=PETSc.InsertMode.ADD_VALUES, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(b, weak.bcs)
-        if b.norm() > 0:
+        forces = self.measures.forces()
+        for nodes in weak.supports.values():
+            forces[nodes[nodes < len(forces)]] = 0.0
+        if self.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) > 0:
+            a, w = ufl.TrialFunction(weak.V), ufl.TestFunction(weak.V)
             M = fem_petsc.assemble_matrix(fem.form(weak.mass(a, w), jit_options=jit.options()), bcs=weak.bcs)
             M.assemble()
             solver = PETSc.KSP().create(self.comm)
@@ -266,13 +275,14 @@ class _Loop:
             solver.getPC().setType("jacobi")
             solver.setTolerances(rtol=1e-12)
             initial = fem.Function(weak.V)
-            solver.solve(-b, initial.x.petsc_vec)
+            b = M.createVecLeft()
+            b.array[:] = -forces.ravel()
+            solver.solve(b, initial.x.petsc_vec)
             initial.x.scatter_forward()
             a0 = initial.x.array.copy()
-            self.scheme.restore(State(state.t, 0.0, state.u, state.v, a0, a0))
-            for item in (solver, M):
+            self.scheme.restore(replace(state, acceleration=a0, auxiliary=a0))
+            for item in (solver, M, b):
                 item.destroy()
-        b.destroy()
 
     # -- the time loop
 
@@ -288,12 +298,12 @@ class _Loop:
                 h = (target - t) / math.ceil((target - t) / step * (1 - 1e-9))
                 if self._step(h, target):
                     self.counters["n_steps"] += 1
-                    step = min(step * (1.5 if self._outcome.newton <= 6 else 1.0), self.stepping.step_max)
+                    step = self._next(step, h)
                     self.counters["next_step"] = step
                     self._after_step(target)
                 else:
                     self.counters["n_rejected"] += 1
-                    step = h / 2
+                    step = self._next(h, h) if self._outcome.converged else h / 2
                     self.say(f"step rejected at t = {t:.6f} s, h = {1e3 * h:.4f} ms ({self._outcome.reason}); cut to {1e3 * step:.4f} ms")
                     if step < self.stepping.step_min:
                         self._give_up()
@@ -307,6 +317,7 @@ class _Loop:
         every = self.stepping.output_every
         times = [every * i for i in range(1, int(self.t_end / every) + 1)] + [self.t_end]
         times += [kink for course in self.simulation.activation.values() for kink in course.kinks]
+        times += [kink for motion in self.model.moving.values() for kink in motion.kinks]
         times += [self.model.gravity_rise] if any(self.model.gravity) else []
         return sorted({round(time, 12) for time in times if 0 < time <= self.t_end})
 
@@ -318,25 +329,57 @@ class _Loop:
         t = before.t + h if before.t + 1.5 * h < target else target
         self._set_time(t)
         self.scheme.begin(h)
+        self.weak.hold()
         assert self._solver is not None
         self._outcome = self._solver.solve()
         self.counters["newton_iterations"] += self._outcome.newton
         self.counters["krylov_iterations"] += self._outcome.krylov
-        if self._outcome.converged:
+        good = self._outcome.converged
+        if good:
             self.scheme.accept(t)
+            good = self._accurate(before)
+        if good:
             self._load_state()
             self.measures.advance()
-            if self._outcome.rung != Newton.LADDER[0]:
+            if self._outcome.rung != self._solver.ladder[0]:
                 self.counters["fallbacks"][self._outcome.rung] = self.counters["fallbacks"].get(self._outcome.rung, 0) + 1
         else:
             self.scheme.restore(before)
-        return self._outcome.converged
+        return good
+
+    def _accurate(self, before: State) -> bool:
+        """Whether the step meets the tolerance, nearly; steps of the least length always do."""
+        tolerance = self.stepping.tolerance
+        if tolerance is None:
+            return True
+        owned = 3 * self.weak.V.dofmap.index_map.size_local
+
+        def size(values: Floats) -> float:
+            n, squares = self.comm.allreduce(np.array([owned / 3, float((values[:owned] ** 2).sum())]))
+            return math.sqrt(squares / n)
+
+        largest = max(self.counters.get("largest", SMALL), size(self.scheme.state.u))
+        error = size(self.scheme.error(before)) / largest
+        self._excess = error / tolerance
+        if self._excess > 2 and self.scheme.state.h > 2 * self.stepping.step_min:
+            self._outcome = replace(self._outcome, reason=f"time error {error:.1e} of the displacement")
+            return False
+        self.counters["largest"] = largest
+        return True
+
+    def _next(self, step: float, h: float) -> float:
+        """The step to try next, after one of `h` where `step` was wanted."""
+        if self.stepping.tolerance is not None:
+            step = h * float(np.clip(0.8 * max(self._excess, 1e-9) ** (-1 / 3), 0.2, 1.5))
+            return min(max(step, self.stepping.step_min), self.stepping.step_max)
+        return min(step * (1.5 if self._outcome.newton <= 6 else 1.0), self.stepping.step_max)
 
     def _load_state(self) -> None:
         state = self.scheme.state
         self.weak.u.x.array[:] = state.u
         self.weak.frozen.x.array[:] = state.u
         self.velocity.x.array[:] = state.v
+        self.acceleration.x.array[:] = state.acceleration
 
     def _after_step(self, target: float) -> None:
         state, outcome, c = self.scheme.state, self._outcome, self.counters
@@ -361,7 +404,12 @@ class _Loop:
     def _record(self) -> None:
         balance = asdict(self.measures.balance)
         self.writer.record(
-            {"t": self.scheme.state.t, "probes": self.simulation.probes.values(self.weak.u), "volume_ratio": self.measures.volume_ratio}
+            {
+                "t": self.scheme.state.t,
+                "probes": self.simulation.probes.values(self.weak.u),
+                "support": self.measures.support_forces,
+                "volume_ratio": self.measures.volume_ratio,
+            }
             | {name: balance[name] for name in ENERGIES}
         )
 
@@ -404,7 +452,7 @@ class _Loop:
 
     def summary(self, status: str) -> dict[str, Any]:
         """What ``summary.json`` holds."""
-        model, c = self.model, {name: value for name, value in self.counters.items() if name != "next_step"}
+        model, c = self.model, {name: value for name, value in self.counters.items() if name not in ("next_step", "largest")}
         numbering = self.writer.numbering
         probes = self.simulation.probes
         assert self._solver is not None
@@ -425,6 +473,7 @@ class _Loop:
                 **model.passive.parameters,
                 "nu": model.passive.nu,
                 "volumetric": model.passive.volumetric,
+                "formulation": "mixed" if model.mixed else "displacement",
                 "density": model.density,
                 "rayleigh_alpha": model.damping.alpha,
                 "rayleigh_beta": model.damping.beta,

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from . import jit
-from .passive import Expr
+from .model import WeakForm
+from .timestep import GeneralizedAlpha, QuasiStatic
+
+Scheme = GeneralizedAlpha | QuasiStatic
 
 DIRECT_COARSE_MAX = 12_000
 """Coarse unknowns up to which the coarse level is factorised; beyond it is smoothed by algebraic multigrid."""
@@ -53,45 +56,46 @@ class Outcome:
 
 
 class Newton:
-    """Solve residual(u) = 0 for displacements that already satisfy the boundary values.
+    """Solve the equations of a time step for unknowns that already satisfy the boundary values.
 
     Parameters
     ----------
-    residual, tangent : UFL forms
-        The residual and the matrix that Newton uses.
-    u, frozen : fem.Function
-        Unknown, and a second function that is kept equal to it (see `active.Contraction.stress`).
-    bcs : list of fem.DirichletBC
-        Fixed unknowns.
+    weak : WeakForm
+        The equations; its `u`, `frozen` and `pressure` are what is solved for.
+    scheme : GeneralizedAlpha or QuasiStatic
+        Velocity and acceleration as functions of the displacement.
     tolerances : Tolerances
         When to stop.
     log : callable
         Takes a line for the log.
+
+    Attributes
+    ----------
+    ladder : tuple of str
+        Linear solvers, each tried where the one before fails.
     """
 
-    LADDER = ("cg+pmg", "gmres+pmg", "mumps")
-
-    def __init__(
-        self,
-        residual: Expr,
-        tangent: Expr,
-        u: fem.Function,
-        frozen: fem.Function,
-        bcs: list[fem.DirichletBC],
-        tolerances: Tolerances,
-        log: Callable[[str], None],
-    ) -> None:
-        self._u, self._frozen, self._bcs, self._log = u, frozen, bcs, log
-        self._tolerances = tolerances
-        self._residual = fem.form(residual, jit_options=jit.options())
+    def __init__(self, weak: WeakForm, scheme: Scheme, tolerances: Tolerances, log: Callable[[str], None]) -> None:
+        self._u, self._frozen, self._bcs, self._log = weak.u, weak.frozen, weak.bcs, log
+        self._weak, self._tolerances = weak, tolerances
+        residual, tangent = weak.equations(scheme.v, scheme.acceleration)
+        self._residuals = fem.form(residual if weak.pressure is not None else [residual], jit_options=jit.options())
         self._tangent = fem.form(tangent, jit_options=jit.options())
-        V = u.function_space
+        V = weak.V
         comm = V.mesh.comm
-        self._x = fem_petsc.create_vector(V)
+        if weak.pressure is None:
+            self._unknowns = [weak.u]
+            self.ladder: tuple[str, ...] = ("cg+pmg", "gmres+pmg", "mumps")
+            self._x = fem_petsc.create_vector(V)
+        else:
+            self._unknowns = [weak.u, weak.pressure]
+            self.ladder = ("fgmres+schur", "mumps")
+            self._x = fem_petsc.create_vector([V, weak.pressure.function_space])
         self._b = self._x.duplicate()
+        self._parts = [fem.create_vector(function.function_space) for function in self._unknowns]
         self._A = fem_petsc.create_matrix(self._tangent)
         self._A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        owned = [bc.dof_indices()[0][: bc.dof_indices()[1]] for bc in bcs]
+        owned = [bc.dof_indices()[0][: bc.dof_indices()[1]] for bc in weak.bcs]
         self._fixed = np.unique(np.concatenate(owned)).astype(np.int32) if owned else np.empty(0, dtype=np.int32)
         self._ksp: dict[str, PETSc.KSP] = {}
         self._krylov = 0
@@ -119,9 +123,10 @@ class Newton:
         """Solve from the present `u`, which then holds the solution or, if no rung converged, the last iterate."""
         newton = self._krylov = 0
         reason = ""
-        for rung in self.LADDER:
+        guess = [function.x.array.copy() for function in self._unknowns]
+        for rung in self.ladder:
             self._snes.setKSP(self._linear_solver(rung))
-            self._x.array[:] = self._u.x.array[: self._x.getLocalSize()]
+            self._x.array[:] = np.concatenate([values[:n] for values, n in zip(guess, self._sizes, strict=True)])
             self._snes.solve(None, self._x)
             self._to_function(self._x)
             newton += self._snes.getIterationNumber()
@@ -136,17 +141,29 @@ class Newton:
 
     # -- SNES call-backs
 
+    @property
+    def _sizes(self) -> list[int]:
+        """Unknowns that this rank owns, of each kind."""
+        spaces = [function.function_space.dofmap for function in self._unknowns]
+        return [dofmap.index_map_bs * dofmap.index_map.size_local for dofmap in spaces]
+
     def _to_function(self, x: PETSc.Vec) -> None:
-        self._u.x.array[: x.getLocalSize()] = x.array_r
-        self._u.x.scatter_forward()
+        at = 0
+        for function, n in zip(self._unknowns, self._sizes, strict=True):
+            function.x.array[:n] = x.array_r[at : at + n]
+            function.x.scatter_forward()
+            at += n
         self._frozen.x.array[:] = self._u.x.array
 
     def _assemble_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self._to_function(x)
-        with b.localForm() as local:
-            local.set(0.0)
-        fem_petsc.assemble_vector(b, self._residual)
-        b.ghostUpdate(addv=PETSc.InsertMode.ADD_VALUES, mode=PETSc.ScatterMode.REVERSE)
+        at = 0
+        for form, part, n in zip(self._residuals, self._parts, self._sizes, strict=True):
+            part.array[:] = 0.0
+            fem.assemble_vector(part.array, form)
+            part.scatter_reverse(la.InsertMode.add)
+            b.array[at : at + n] = part.array[:n]
+            at += n
         b.array[self._fixed] = 0.0
 
     def _assemble_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
@@ -167,7 +184,10 @@ class Newton:
             else:
                 ksp.setType(rung.split("+")[0])
                 ksp.setTolerances(rtol=self._tolerances.linear, max_it=200)
-                self._multigrid(ksp.getPC())
+                if rung.endswith("schur"):
+                    self._schur(ksp)
+                else:
+                    self._multigrid(ksp.getPC())
             ksp.setFromOptions()
             ksp.setMonitor(self._count)
             self._ksp[rung] = ksp
@@ -175,6 +195,31 @@ class Newton:
 
     def _count(self, ksp: PETSc.KSP, iteration: int, norm: float) -> None:
         self._krylov += iteration > 0
+
+    def _schur(self, ksp: PETSc.KSP) -> None:
+        """Block triangle of displacement, by multigrid, and pressure, by its mass matrix (Elman, Silvester and Wathen 2014)."""
+        pc = ksp.getPC()
+        prefix = ksp.getOptionsPrefix()
+        first, _ = self._A.getOwnershipRange()
+        n_u, n_p = self._sizes
+        parts = [PETSc.IS().createStride(n, at, comm=ksp.getComm()) for n, at in ((n_u, first), (n_p, first + n_u))]
+        self._pressure_matrix = fem_petsc.assemble_matrix(fem.form(self._weak.pressure_weight(), jit_options=jit.options()))
+        self._pressure_matrix.assemble()
+        pc.setType("fieldsplit")
+        pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
+        pc.setFieldSplitIS(("u", parts[0]), ("p", parts[1]))
+        pc.setFieldSplitSchurFactType(PETSc.PC.FieldSplitSchurFactType.UPPER)
+        pc.setFieldSplitSchurPreType(PETSc.PC.FieldSplitSchurPreType.USER, self._pressure_matrix)
+        options = PETSc.Options()
+        for block in "up":
+            options[f"{prefix}fieldsplit_{block}_ksp_type"] = "preonly"
+        options[f"{prefix}fieldsplit_p_pc_type"] = "sor"
+        self._assemble_tangent(self._snes, self._x, self._A, self._A)
+        ksp.setOperators(self._A)
+        ksp.setFromOptions()
+        pc.setUp()
+        displacement, _ = pc.getFieldSplitSchurGetSubKSP()
+        self._multigrid(displacement.getPC())
 
     def _multigrid(self, pc: PETSc.PC) -> None:
         """Two levels: quadratic displacement, smoothed by one symmetric sweep, and linear displacement."""

@@ -20,7 +20,10 @@ from .passive import Expr
 
 @dataclass(frozen=True)
 class State:
-    """Everything that the next step needs (owned and ghost values of this rank, SI units)."""
+    """Everything that the next step needs (owned and ghost values of this rank, SI units).
+
+    `pressure` is that of the mixed form, as the first component of a displacement at the vertices; otherwise nil.
+    """
 
     t: float
     h: float
@@ -28,9 +31,36 @@ class State:
     v: Floats
     acceleration: Floats
     auxiliary: Floats
+    pressure: Floats
 
 
-class GeneralizedAlpha:
+class _Scheme:
+    """What both schemes keep: the unknowns and the last state."""
+
+    def __init__(self, u: fem.Function, pressure: fem.Function | None) -> None:
+        self.u, self._pressure = u, pressure
+        if pressure is not None:
+            self._vertices = np.empty(pressure.x.array.size, dtype=np.int64)  # nodes of the displacement
+            self._vertices[pressure.function_space.dofmap.list] = u.function_space.dofmap.list[:, :4]
+        zeros = np.zeros_like(u.x.array)
+        self.state = State(0.0, 0.0, u.x.array.copy(), zeros, zeros, zeros, zeros)
+
+    def restore(self, state: State) -> None:
+        """Go back to a state."""
+        self.state = state
+        self.u.x.array[:] = state.u
+        if self._pressure is not None:
+            self._pressure.x.array[:] = state.pressure[3 * self._vertices]
+
+    def _pressures(self) -> Floats:
+        """The present pressure as a state keeps it."""
+        spread: Floats = np.zeros_like(self.u.x.array)
+        if self._pressure is not None:
+            spread[3 * self._vertices] = self._pressure.x.array
+        return spread
+
+
+class GeneralizedAlpha(_Scheme):
     """The time discretisation: velocity and acceleration as affine functions of the unknown displacement.
 
     Parameters
@@ -39,6 +69,8 @@ class GeneralizedAlpha:
         Displacement, the unknown of each step.
     radius : float
         Spectral radius at infinite frequency, 0 (strong numerical damping) to 1 (none).
+    pressure : fem.Function, optional
+        Pressure of the mixed form, an unknown that has no rate.
 
     Attributes
     ----------
@@ -46,7 +78,8 @@ class GeneralizedAlpha:
         To stand in the weak form for velocity and acceleration at the end of the step.
     """
 
-    def __init__(self, u: fem.Function, radius: float = 0.8) -> None:
+    def __init__(self, u: fem.Function, radius: float = 0.8, pressure: fem.Function | None = None) -> None:
+        super().__init__(u, pressure)
         if not 0 <= radius <= 1:
             raise InputError(f"spectral_radius: {radius}; a number from 0 to 1 is expected.")
         self.alpha_m = (2 * radius - 1) / (radius + 1)
@@ -54,13 +87,10 @@ class GeneralizedAlpha:
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
         V = u.function_space
-        self.u = u
         self._v_part, self._a_part = fem.Function(V), fem.Function(V)
         self._v_factor, self._a_factor = (fem.Constant(V.mesh, default_scalar_type(1.0)) for _ in range(2))
         self.v: Expr = self._v_factor * u + self._v_part
         self.acceleration: Expr = self._a_factor * u + self._a_part
-        zeros = np.zeros_like(u.x.array)
-        self.state = State(0.0, 0.0, u.x.array.copy(), zeros, zeros, zeros)
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h` seconds from the present state; `u` becomes the first guess, the one that keeps the velocity.
@@ -91,7 +121,14 @@ class GeneralizedAlpha:
         u = self.u.x.array.copy()
         acceleration = self._a_factor.value * u + self._a_part.x.array
         auxiliary = ((1 - self.alpha_f) * acceleration + self.alpha_f * s.acceleration - self.alpha_m * a) / (1 - self.alpha_m)
-        self.state = State(t, h, u, self._v_factor.value * u + self._v_part.x.array, acceleration, auxiliary)
+        v = self._v_factor.value * u + self._v_part.x.array
+        self.state = State(t, h, u, v, acceleration, auxiliary, self._pressures())
+
+    def error(self, before: State) -> Floats:
+        """Estimated error in m of the displacement in the step that led here from `before`: against the Taylor series with a
+        linear acceleration (Zienkiewicz and Xie 1991)."""
+        s, h = self.state, self.state.h
+        return np.asarray(s.u - before.u - h * before.v - h**2 * (before.acceleration / 3 + s.acceleration / 6))
 
     def _rescaled(self, h: float) -> Floats:
         """The auxiliary acceleration for a step of another length: ü + (h′/h)(a − ü), which keeps the order at 2."""
@@ -100,19 +137,16 @@ class GeneralizedAlpha:
             return s.auxiliary
         return s.acceleration + (h / s.h) * (s.auxiliary - s.acceleration)
 
-    def restore(self, state: State) -> None:
-        """Go back to a state."""
-        self.state = state
-        self.u.x.array[:] = state.u
 
-
-class QuasiStatic:
+class QuasiStatic(_Scheme):
     """Equilibrium without inertia and rates at every time, for loads that grow slowly; time only orders them.
 
     Parameters
     ----------
     u : fem.Function
         Displacement, the unknown of each step.
+    pressure : fem.Function, optional
+        Pressure of the mixed form.
 
     Attributes
     ----------
@@ -120,12 +154,10 @@ class QuasiStatic:
         Zero.
     """
 
-    def __init__(self, u: fem.Function) -> None:
-        self.u = u
+    def __init__(self, u: fem.Function, pressure: fem.Function | None = None) -> None:
+        super().__init__(u, pressure)
         self.v: Expr = fem.Function(u.function_space)
         self.acceleration: Expr = self.v
-        zeros = np.zeros_like(u.x.array)
-        self.state = State(0.0, 0.0, u.x.array.copy(), zeros, zeros, zeros)
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h`; the first guess goes on as the last step went."""
@@ -135,9 +167,9 @@ class QuasiStatic:
     def accept(self, t: float) -> None:
         """Make the solved displacement the new state, at time `t`."""
         u = self.u.x.array.copy()
-        self.state = State(t, self._h, u, self.state.v, self.state.acceleration, (u - self.state.u) / self._h)
+        s = self.state
+        self.state = State(t, self._h, u, s.v, s.acceleration, (u - s.u) / self._h, self._pressures())
 
-    def restore(self, state: State) -> None:
-        """Go back to a state."""
-        self.state = state
-        self.u.x.array[:] = state.u
+    def error(self, before: State) -> Floats:
+        """None: an equilibrium does not know how the load came."""
+        return np.zeros_like(before.u)

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: MIT
+"""Verification that anyone can run: each row compares the model with a closed form, a published number or another code."""
+
+from collections.abc import Callable, Iterator
+
+from . import calculix, material, motion, muscle
+from .rows import Row
+
+CASES: dict[str, Callable[[], Iterator[Row]]] = {
+    "laws": material.laws,
+    "patch": material.patch,
+    "manufactured": material.manufactured,
+    "taylor": material.taylor,
+    "fibres": muscle.fibres,
+    "time": motion.time_order,
+    "decay": motion.decay,
+    "contraction": motion.contraction,
+    "ranks": motion.ranks,
+    "calculix": calculix.calculix,
+}
+"""The cases by name; each yields rows."""
+
+__all__ = ["CASES", "Row"]
