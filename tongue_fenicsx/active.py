@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import basix.ufl
 import numpy as np
@@ -152,6 +153,29 @@ class Contraction:
         return force_length(normalised) * FORCE_VELOCITY[self.force_velocity](rate / self.optimal_stretch)
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where in each cell fibres are given: reference points (q, 3) and the element, of a value shape, that has them as nodes."""
+
+    points: Floats
+    element: Callable[[tuple[int, ...]], Any]
+    interpolates: bool = False
+
+    @classmethod
+    def inside(cls, degree: int) -> Places:
+        """The quadrature points of the stress terms."""
+
+        def element(shape: tuple[int, ...]) -> Any:
+            return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, scheme=quadrature.RULE, degree=degree)
+
+        return cls(quadrature.points_and_weights(degree)[0], element)
+
+    @classmethod
+    def corners(cls) -> Places:
+        """The vertices, linear between them: for stresses on the surface."""
+        return cls(np.vstack([np.zeros(3), np.eye(3)]), lambda shape: basix.ufl.element("DG", "tetrahedron", 1, shape=shape), True)
+
+
 class FibreSlots:
     """Overlapping muscles as a few slots per cell, so that one kernel serves any number of them.
 
@@ -175,8 +199,8 @@ class FibreSlots:
         Peak stress in Pa of each.
     fade : callable
         Takes points (n, 3), returns the tendon factor 0…1.
-    degree : int
-        Quadrature degree of the forms.
+    places : Places
+        Where in each cell fibres are given.
     """
 
     def __init__(
@@ -185,27 +209,22 @@ class FibreSlots:
         muscles: dict[str, MuscleCells],
         sigma_max: Mapping[str, float],
         fade: Callable[[Floats], Floats],
-        degree: int,
+        places: Places,
     ) -> None:
-        mesh = tongue.mesh
-        points, _ = quadrature.points_and_weights(degree)
+        mesh, points = tongue.mesh, places.points
         vertex = np.column_stack([1 - points.sum(axis=1), points])  # P1 shape functions, (q, 4)
         n_cells = mesh.topology.index_map(3).size_local + mesh.topology.index_map(3).num_ghosts
         used = np.zeros(n_cells, dtype=np.int64)
         for muscle in muscles.values():
             used[muscle.cells] += 1
         n_slots = mesh.comm.allreduce(int(used.max(initial=0)), op=MPI.MAX)
-        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(3,), scheme=quadrature.RULE, degree=degree)
-        vectors = fem.functionspace(mesh, element)
-        scalars = fem.functionspace(
-            mesh, basix.ufl.quadrature_element("tetrahedron", value_shape=(), scheme=quadrature.RULE, degree=degree)
-        )
+        vectors, scalars = (fem.functionspace(mesh, places.element(shape)) for shape in ((3,), ()))
         self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
         self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
         self.tendons = [fem.Function(scalars, name=f"tendon_{i}") for i in range(n_slots)]
         self.passives = [fem.Function(scalars, name=f"passive_{i}") for i in range(n_slots)]
         self.stiffness = fem.Function(scalars, name="stiffness")
-        self.names = list(muscles)
+        self.names, self._places = list(muscles), places
         self._dofs = scalars.dofmap.list
         self.owners = np.full((n_slots, n_cells), -1, dtype=np.int64)
         self._stress = np.zeros((n_slots, n_cells, len(points)))
@@ -244,7 +263,8 @@ class FibreSlots:
     def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
         """Sum of the first Piola–Kirchhoff stresses of all slots."""
         zero = 0.0 * F
-        slots = zip(self.directions, self.tensions, self.tendons, self.passives, strict=True)
+        directions = [d / _norm(d) if self._places.interpolates else d for d in self.directions]
+        slots = zip(directions, self.tensions, self.tendons, self.passives, strict=True)
         return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
 
     def state(self, law: Contraction, F: Expr, F_rate: Expr) -> list[Expr]:

@@ -7,19 +7,24 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from . import meshing
 from .activation import Course, Excited
 from .active import Contraction
 from .anatomy import Anatomy
+from .contact import Contact
+from .errors import InputError
 from .model import Model, Rayleigh
 from .muscles import resolve
+from .obstacles import Obstacle, Plane, Sphere, Triangulated, check_orientation
 from .parametric import parametric_tongue
-from .scenario import ActivationSection, MeshSection, Scenario
+from .scenario import ActivationSection, ContactSection, MeshSection, Scenario
 from .simulation import Simulation, Stepping
 from .solver import Tolerances
 from .subject import read_subject
+from .surface import SUFFIXES, read_surface
 from .tonguemesh import TongueMesh, on_rank_zero
 
 MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
@@ -67,6 +72,43 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) 
     return simulation
 
 
+def _contacts(s: Scenario, tongue: TongueMesh) -> dict[str, Contact]:
+    """The obstacles of a scenario, in m."""
+    motions = {name: section.motion() for name, section in s.boundary.moving.items()}
+    contacts = {}
+    for name, section in s.contact.items():
+        if section.moves_with is not None and section.moves_with not in motions:
+            known = ", ".join(motions) or "none"
+            raise InputError(f"contact.{name}.moves_with: {section.moves_with!r} does not move; moving in boundary.moving: {known}.")
+        obstacle = on_rank_zero(tongue.comm, lambda name=name, section=section: _obstacle(name, section, tongue))
+        motion = motions.get(section.moves_with or "")
+        numbers = section.model_dump(include={"form", "theta", "stiffness", "tolerance", "touching"})
+        contacts[name] = Contact(obstacle, motion=motion, **numbers)
+    return contacts
+
+
+def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacle:
+    if section.plane is not None:
+        return Plane(section.plane.point, section.plane.normal)
+    if section.sphere is not None:
+        return Sphere(section.sphere.centre, section.sphere.radius)
+    source = section.surface or name
+    if Path(source).suffix in SUFFIXES:
+        surface = read_surface(Path(source))
+        if (size := np.ptp(surface.points, axis=0).max()) > 1.0:
+            raise InputError(f"{source}: the surface is {size:g} m long; metres are expected, as in the mesh.")
+    elif source in tongue.bones:
+        surface = tongue.bones[source]
+    else:
+        known = ", ".join(tongue.bones) or "none"
+        raise InputError(
+            f"contact.{name}.surface: the mesh has no bone {source!r} (it has {known}); one of them or a file in "
+            f"{', '.join(SUFFIXES)} is expected."
+        )
+    check_orientation(surface, f"contact.{name}", tongue.mesh.geometry.x)
+    return Triangulated(surface)
+
+
 def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     for name in s.muscles.sigma_max:
         resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
@@ -79,6 +121,7 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         sigma_max=s.sigma_max(),
         fixed=s.boundary.fixed,
         moving={name: section.motion() for name, section in s.boundary.moving.items()},
+        contacts=_contacts(s, tongue),
         mixed=s.tissue.formulation == "mixed",
         gravity=s.gravity.vector,
         gravity_rise=s.gravity.rise,

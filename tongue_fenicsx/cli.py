@@ -206,6 +206,11 @@ def run(
         )
         for name, u in s["probes"].items():
             console.print(f"  {name}: {1e3 * -u[0]:+.1f} mm forward, {1e3 * u[2]:+.1f} mm up")
+        for name, touch in s["contact"].items():
+            console.print(
+                f"  contact with {name}: up to {touch['force_max_N']:.2g} N on {1e6 * touch['area_max_m2']:.0f} mm², "
+                f"{1e3 * touch['penetration_max_m']:.2g} mm deep"
+            )
         console.print("pictures: " + ", ".join(map(str, pictures)))
         console.print(f"fields for ParaView: {output / 'fields.xdmf'}")
 
@@ -260,6 +265,11 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
         stress = model.sigma_max.get(name, model.sigma_max.get(name.split("_")[0], 0.0))
         ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
         console.print(f"{name}: {ends}, at most {stress / 1e3:g} kPa")
+    for name, motion in model.moving.items():
+        console.print(f"{name} moves until {1e3 * max(motion.kinks):g} ms")
+    for name, contact in model.contacts.items():
+        console.print(f"contact with {name}: {contact.form}")
+    model.weak_form([])  # is the tongue at rest outside the obstacles?
     console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")
 
 

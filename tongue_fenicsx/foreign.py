@@ -90,7 +90,7 @@ def muscles_of_model(path: Path) -> dict[str, Any] | None:
         used, weight = lump(cells[own], np.repeat((share[own] * volumes / 4)[:, None], 4, axis=1), volumes)
         at_nodes = rules[name](points[used]) if name in rules else _nodal(vectors[name][own], cells[own], used, name, path)
         muscles[name] = {"cells": own, "nodes": used, "weight": weight, "direction": at_nodes}
-    return {"name": path.stem, "cells": cells, "muscles": muscles, "landmarks": {}}
+    return {"name": path.stem, "cells": cells, "muscles": muscles, "landmarks": {}, "bones": {}}
 
 
 def _volume_names() -> set[str]:

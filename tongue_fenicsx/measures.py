@@ -11,10 +11,11 @@ from dolfinx import fem, la
 from mpi4py import MPI
 
 from . import jit, quadrature
+from .contact import ContactMeasures
 from .fibres import Floats
 from .model import WeakForm
 
-ENERGIES = ("kinetic", "elastic", "muscle_work", "gravity_work", "support_work", "dissipated")
+ENERGIES = ("kinetic", "elastic", "muscle_work", "gravity_work", "support_work", "contact_work", "dissipated")
 
 
 def hencky_von_mises(F: Floats) -> Floats:
@@ -40,6 +41,7 @@ class Balance:
     muscle_work: float = 0.0
     gravity_work: float = 0.0
     support_work: float = 0.0
+    contact_work: float = 0.0
     dissipated: float = 0.0
     start: float = field(default=0.0, repr=False)
     peak: float = field(default=0.0, repr=False)
@@ -52,9 +54,9 @@ class Balance:
 
     def update(self) -> None:
         """Take note of the present imbalance."""
-        work = self.muscle_work + self.gravity_work + self.support_work
+        work = self.muscle_work + self.gravity_work + self.support_work + self.contact_work
         self.worst = max(self.worst, abs(work + self.start - self.kinetic - self.elastic - self.dissipated))
-        others = (self.kinetic, self.elastic, abs(self.gravity_work), abs(self.support_work))
+        others = (self.kinetic, self.elastic, *map(abs, (self.gravity_work, self.support_work, self.contact_work)))
         largest = abs(self.muscle_work) if self.muscle_work else max(others)
         self.peak = max(self.peak, largest)
 
@@ -83,14 +85,15 @@ class Measures:
         self._weak = weak
         self._points = np.einsum("qv,cvd->cqd", np.column_stack([1 - points.sum(axis=1), points]), corners)
         works = [ufl.replace(work, {weak.frozen: weak.u}) for work in weak.outer_work(weak.u, v, ufl.TestFunction(weak.V))]
-        self._pull = fem.form(sum(works[1:], works[0]), jit_options=jit.options()) if works else None
-        self._forces = fem.form(weak.balance(weak.u, v, a, ufl.TestFunction(weak.V)), jit_options=jit.options())
+        self._pull = weak.compiled(sum(works[1:], works[0])) if works else None
+        self._forces = weak.compiled(weak.balance(weak.u, v, a, ufl.TestFunction(weak.V)))
+        self.contact = ContactMeasures(weak, v)
         owned = weak.V.dofmap.index_map.size_local
         self._supports = {name: nodes[nodes < owned] for name, nodes in weak.supports.items()}
         moved = [self._supports[name] for name in weak.model.moving]
         self._moved = np.unique(np.concatenate(moved)) if moved else np.empty(0, dtype=np.int32)
         self.balance = Balance()
-        self._previous: tuple[Floats, Floats, Floats, Floats] | None = None
+        self._previous: tuple[Floats, Floats, Floats, Floats, Floats] | None = None
 
     def sum(self, density: Floats) -> float:
         """Integral of a density, (cells, points), over the whole tongue."""
@@ -113,8 +116,8 @@ class Measures:
         vector.scatter_reverse(la.InsertMode.add)
         return np.array(vector.array[: 3 * self._weak.V.dofmap.index_map.size_local]).reshape(-1, 3)
 
-    def _nodal(self) -> tuple[Floats, Floats, Floats]:
-        """Of owned nodes, (n, 3): displacement, pull of muscles from outside, and reactions of the bones."""
+    def _nodal(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Of owned nodes, (n, 3): displacement, pull of muscles from outside, force of obstacles, and reactions of the bones."""
         owned = self._weak.V.dofmap.index_map.size_local
         u = self._weak.u.x.array.reshape(-1, 3)[:owned].copy()
         pull = np.zeros_like(u) if self._pull is None else self._assembled(self._pull)
@@ -122,11 +125,13 @@ class Measures:
         self.support_forces = {
             name: np.asarray(self._comm.allreduce(reaction[nodes].sum(axis=0))) for name, nodes in self._supports.items()
         }
-        return u, pull, reaction
+        self.contact.evaluate()
+        return u, pull, self.contact.forces, reaction
 
-    def _remember(self, u: Floats, pull: Floats, reaction: Floats) -> None:
+    def _remember(self, *nodal: Floats) -> None:
         """Keep what the next step begins with."""
-        self._previous = self._now, u, pull, reaction
+        u, pull, touch, reaction = nodal
+        self._previous = self._now, u, pull, touch, reaction
         self._gravity = self._weak.gravity.value.copy()
 
     def start(self) -> None:
@@ -146,8 +151,8 @@ class Measures:
         """Add the step that led to the present state to the energy balance."""
         self.evaluate()
         assert self._previous is not None
-        before, u_before, pull_before, reaction_before = self._previous
-        now, (u, pull, reaction) = self._now, self._nodal()
+        before, u_before, pull_before, touch_before, reaction_before = self._previous
+        now, (u, pull, touch, reaction) = self._now, self._nodal()
         mean, change = (before + now) / 2, now - before
         dF, du = change[..., :9], change[..., 28:31]
         model = self._weak.model
@@ -155,13 +160,14 @@ class Measures:
         b.muscle_work -= self.sum((mean[..., 9:18] * dF).sum(axis=-1))
         b.muscle_work += self.sum(mean[..., 27] / mean[..., 34] * change[..., 34])
         b.muscle_work += self._work(pull_before + pull, u - u_before)
+        b.contact_work += self._work(touch_before + touch, u - u_before)
         b.support_work += self._work((reaction_before + reaction)[self._moved], (u - u_before)[self._moved])
         drag = model.damping.alpha * model.density * (mean[..., 31:34] * du).sum(axis=-1)
         b.dissipated += self.sum((mean[..., 18:27] * dF).sum(axis=-1) + drag)
         b.gravity_work += self.sum(model.density * (du @ (self._gravity + self._weak.gravity.value))) / 2
         self._energies()
         b.update()
-        self._remember(u, pull, reaction)
+        self._remember(u, pull, touch, reaction)
 
     def _work(self, twice_force: Floats, path: Floats) -> float:
         """Work in J of nodal forces, (n, 3), of which the sum before and after a step is given."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import ufl
@@ -13,9 +14,10 @@ from dolfinx import mesh as dmesh
 from dolfinx.mesh import entities_to_geometry
 from scipy.spatial import cKDTree
 
+from . import jit, quadrature
 from . import muscles as muscle_facts
-from . import quadrature
-from .active import Contraction, FibreSlots, OuterPull, smooth_fade
+from .active import Contraction, FibreSlots, OuterPull, Places, smooth_fade
+from .contact import DEGREE, NITSCHE, PENALTY, Contact, ContactSet
 from .errors import InputError
 from .fibres import Floats
 from .motion import RigidMotion
@@ -69,6 +71,8 @@ class Model:
     mixed : bool
         Whether the pressure is an unknown of its own (linear, beside the quadratic displacement), which stays accurate up
         to ν = 0.5; otherwise it comes from the change of volume.
+    contacts : mapping
+        Obstacles by name, and how the tongue meets them.
     gravity : (3,) sequence of float
         Acceleration in m/s².
     gravity_rise : float
@@ -91,6 +95,7 @@ class Model:
     fixed: Sequence[str] = ("mandible", "hyoid")
     moving: Mapping[str, RigidMotion] = field(default_factory=dict)
     mixed: bool = False
+    contacts: Mapping[str, Contact] = field(default_factory=dict)
     gravity: Sequence[float] = (0.0, 0.0, 0.0)
     gravity_rise: float = 0.1
     quadrature_degree: int = 3
@@ -105,7 +110,7 @@ class Model:
                     raise InputError(f"boundary.{key}: the mesh has no surface {name!r}; it has {known}.")
         for name in set(self.fixed) & set(self.moving):
             raise InputError(f"boundary.moving.{name}: {name} is fixed, too; name it in one of the two.")
-        if self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
+        if not self.contacts and self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
             raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
         if not self.mixed and self.passive.nu >= 0.5:
             raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
@@ -154,6 +159,8 @@ class WeakForm:
         Of the bonded surfaces.
     supports : dict
         Bonded surface to its nodes on this rank, ghosts included.
+    contacts : ContactSet
+        The obstacles, on the surface that `ds_contact` integrates over.
     slots : FibreSlots
         The muscles.
     pulls : list of OuterPull
@@ -170,12 +177,10 @@ class WeakForm:
         muscles = {name: tongue.muscles[name] for name in (tongue.muscles if model.contraction.passive_fibres else active)}
         sigma = muscle_facts.peak_stress(muscles, model.sigma_max)
         degree = model.quadrature_degree
-        self.slots = FibreSlots(tongue, muscles, sigma, model.tendon_factor, degree)
-        entries = {name: muscle.entry.facets for name, muscle in muscles.items() if muscle.entry is not None}
-        facet = fem.IntegralType.exterior_facet
-        crossed = [(i, fem.compute_integration_domains(facet, mesh.topology, facets)) for i, facets in enumerate(entries.values())]
-        ds = ufl.Measure("ds", mesh, subdomain_data=crossed, metadata={"quadrature_degree": 3})
-        self.pulls = [OuterPull(tongue, name, sigma[name], ds(i)) for i, name in enumerate(entries)]
+        self.slots = FibreSlots(tongue, muscles, sigma, model.tendon_factor, Places.inside(degree))
+        self.surface_slots: FibreSlots | None = None
+        if any(contact.form == "nitsche" for contact in model.contacts.values()):
+            self.surface_slots = FibreSlots(tongue, muscles, sigma, model.tendon_factor, Places.corners())
         self.dx = ufl.Measure("dx", mesh, metadata=quadrature.metadata(degree))
         self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
         passive = model.passive
@@ -195,6 +200,16 @@ class WeakForm:
         self._prescribed = fem.Function(self.V)
         self.supports = {name: fem.locate_dofs_topological(self.V, 2, tongue.facets([name])) for name in model.bonded}
         self.bcs = [fem.dirichletbc(self._prescribed, nodes) for nodes in self.supports.values()]
+        edge, mu = _typical_edge(mesh), passive.shear_modulus
+        bulk = 10 * mu if model.mixed else bulk_modulus(passive)
+        self.contacts = ContactSet(self, model.contacts, {"penalty": PENALTY * mu / edge, "nitsche": NITSCHE * (bulk + 4 * mu / 3) / edge})
+        entries = {name: muscle.entry.facets for name, muscle in muscles.items() if muscle.entry is not None}
+        facet = fem.IntegralType.exterior_facet
+        parts = [fem.compute_integration_domains(facet, mesh.topology, facets) for facets in entries.values()]
+        numbered = list(enumerate([*parts, self.contacts.integrals.ravel()]))
+        ds = ufl.Measure("ds", mesh, subdomain_data=numbered, metadata={"quadrature_degree": DEGREE})  # one for all, as DOLFINx asks
+        self.pulls = [OuterPull(tongue, name, sigma[name], ds(i)) for i, name in enumerate(entries)]
+        self.ds_contact = ds(len(entries))
 
     def _constant(self, value: float) -> fem.Constant:
         return fem.Constant(self.V.mesh, default_scalar_type(value))
@@ -204,7 +219,10 @@ class WeakForm:
         rise = self.model.gravity_rise
         share = min(t / rise, 1.0) if rise > 0 else 1.0
         self.gravity.value[:] = share * np.asarray(self.model.gravity)
-        self.slots.activate(levels)
+        for slots in (self.slots, self.surface_slots):
+            if slots is not None:
+                slots.activate(levels)
+        self.contacts.set_time(t)
         for pull in self.pulls:
             pull.activate(levels)
         for name, motion in self.model.moving.items():
@@ -216,23 +234,37 @@ class WeakForm:
         for bc in self.bcs:
             bc.set(self.u.x.array)
 
-    def energy_density(self, F: Expr) -> Expr:
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is symmetric: not with Nitsche's method."""
+        return self.surface_slots is None
+
+    def refresh(self) -> None:
+        """Follow a change of `u`: the displacement that the tangent holds fixed, and the gaps of contact."""
+        self.frozen.x.array[:] = self.u.x.array
+        self.contacts.update()
+
+    def compiled(self, form: Expr) -> Any:
+        """A form, or blocks of them, ready to assemble."""
+        return fem.form(form, jit_options=jit.options(), entity_maps=self.contacts.entity_maps)
+
+    def energy_density(self, F: Expr, slots: FibreSlots | None = None) -> Expr:
         """Elastic energy density Ψ in J/m³; in the mixed form Ψ_iso + p (J − 1) − p²/(2κ), stationary in p."""
         J, C = ufl.det(F), F.T * F
         I1 = J ** (-2 / 3) * ufl.tr(C)
         I2 = (I1**2 - J ** (-4 / 3) * ufl.inner(C, C)) / 2
         passive = self.model.passive
-        stiffness = self.slots.stiffness if self.model.contraction.stiffening else 1.0
+        stiffness = (slots or self.slots).stiffness if self.model.contraction.stiffening else 1.0
         isochoric = stiffness * passive.isochoric_energy(I1, I2, self._constants)
         if self.pressure is None:
             return isochoric + stiffness * self._kappa * VOLUMETRIC[passive.volumetric](J)
         p = self._stress * self.pressure
         return isochoric + p * (J - 1) - self._compressibility / stiffness * p**2 / 2
 
-    def passive_stress(self, u: Expr) -> Expr:
-        """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa."""
+    def passive_stress(self, u: Expr, slots: FibreSlots | None = None) -> Expr:
+        """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa; `slots` know the stiffening where the stress is taken, by default inside."""
         F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
-        return ufl.diff(self.energy_density(F), F)
+        return ufl.diff(self.energy_density(F, slots), F)
 
     def active_stress(self, u: Expr, v: Expr) -> Expr:
         """First Piola–Kirchhoff stress of the muscles in Pa."""
@@ -240,11 +272,22 @@ class WeakForm:
         return self.slots.stress(self.model.contraction, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
 
     def damping_stress(self, v: Expr) -> Expr:
-        """β times the rest-state stiffness on the velocity, in Pa; its deviatoric part alone in the mixed form."""
-        strain = ufl.sym(ufl.grad(v))
+        """β times the rest-state stiffness on the velocity, in Pa."""
+        return self._beta * self.rest_stress(v)
+
+    def rest_stress(self, w: Expr) -> Expr:
+        """Stress in Pa of a small displacement from rest; its deviatoric part alone in the mixed form."""
+        strain = ufl.sym(ufl.grad(w))
         isotropic = ufl.tr(strain) * ufl.Identity(3)
         deviatoric = 2 * self._mu * (strain - isotropic / 3)
-        return self._beta * (deviatoric if self.pressure is not None else deviatoric + self._kappa * isotropic)
+        return deviatoric if self.pressure is not None else deviatoric + self._kappa * isotropic
+
+    def surface_stress(self, u: Expr, v: Expr) -> Expr:
+        """First Piola–Kirchhoff stress of tissue, muscles and damping in Pa, to be taken on the surface."""
+        I = ufl.Identity(3)  # noqa: E741
+        assert self.surface_slots is not None
+        active = self.surface_slots.stress(self.model.contraction, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
+        return self.passive_stress(u, self.surface_slots) + active + self.damping_stress(v)
 
     def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
         """Cauchy stress of tissue, muscles and damping in Pa, as a vector of nine."""
@@ -275,18 +318,19 @@ class WeakForm:
         if self.model.damping.beta > 0:
             stress += self.damping_stress(v)
         form = ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
-        return sum((-work for work in self.outer_work(u, v, w)), form)
+        works = [*self.outer_work(u, v, w), *self.contacts.work(u, v, w, self.ds_contact).values()]
+        return sum((-work for work in works), form)
 
     def equations(self, v: Expr, a: Expr) -> tuple[Expr, Expr]:
         """Residual and tangent at `u` (and `pressure`) with velocity and acceleration as functions of it; as blocks in the mixed form."""
         if self.pressure is None:
             residual = self.balance(self.u, v, a, ufl.TestFunction(self.V))
-            return residual, ufl.derivative(residual, self.u, ufl.TrialFunction(self.V))
+            return residual, ufl.derivative(residual, self.u, ufl.TrialFunction(self.V), self.contacts.derivatives())
         W = ufl.MixedFunctionSpace(self.V, self.pressure.function_space)
         (w, q), (du, dp) = ufl.TestFunctions(W), ufl.TrialFunctions(W)
         volume = ufl.derivative(self.energy_density(ufl.Identity(3) + ufl.grad(self.u)) * self.dx, self.pressure, q)
         residual = self.balance(self.u, v, a, w) + volume
-        tangent = ufl.derivative(residual, self.u, du) + ufl.derivative(residual, self.pressure, dp)
+        tangent = ufl.derivative(residual, self.u, du, self.contacts.derivatives()) + ufl.derivative(residual, self.pressure, dp)
         return ufl.extract_blocks(residual), ufl.extract_blocks(tangent)
 
     def pressure_weight(self) -> Expr:

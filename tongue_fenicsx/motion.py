@@ -58,12 +58,16 @@ class RigidMotion:
         if not np.any(self.axis):
             raise InputError("motion.axis: [0, 0, 0] has no direction.")
 
+    def pose(self, t: float) -> tuple[Floats, Floats]:
+        """Rotation (3, 3) and offset (3,) in m at time `t` (s): a point X of the rest shape is at R X + offset."""
+        unit = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
+        turn = Rotation.from_rotvec(_reached(self.angle, t, 0.0) * unit, degrees=True).as_matrix()
+        return turn, self.centre - turn @ self.centre + _reached(self.translation, t, np.zeros(3))
+
     def displacement(self, points: Floats, t: float) -> Floats:
         """Displacement in m of points (n, 3) of the rest shape at time `t` (s)."""
-        unit = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
-        turn = Rotation.from_rotvec(_reached(self.angle, t, 0.0) * unit, degrees=True)
-        arms = points - self.centre
-        return np.asarray(turn.apply(arms) - arms + _reached(self.translation, t, np.zeros(3)))
+        turn, offset = self.pose(t)
+        return np.asarray(points @ turn.T + offset - points)
 
     @property
     def kinks(self) -> list[float]:

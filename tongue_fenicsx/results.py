@@ -20,6 +20,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
+from .contact import TOUCH_COLUMNS
 from .errors import InputError, reading
 from .fibres import Floats
 from .measures import ENERGIES, Balance
@@ -147,7 +148,8 @@ class RunWriter:
             file["mesh/cells"] = self.numbering.cells.astype(np.int32)  # type: ignore[union-attr]
 
     def record(self, row: dict[str, Any]) -> None:
-        """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``support`` (name to (3,)), ``volume_ratio`` and the energies."""
+        """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``volume_ratio``, the energies, and by name the numbers
+        of ``support`` and ``contact``."""
         self.rows.append(row)
 
     def write_fields(self, t: float, nodal: Mapping[str, Floats], cellwise: Mapping[str, Floats]) -> None:
@@ -203,6 +205,10 @@ class RunWriter:
                     file[f"energy/{name}"] = [row[name] for row in self.rows]
                 for name in self.rows[0]["support"]:
                     file[f"support/{name}"] = np.array([row["support"][name] for row in self.rows])
+                for name in self.rows[0]["contact"]:
+                    table = np.array([row["contact"][name] for row in self.rows])
+                    for column, place in TOUCH_COLUMNS.items():
+                        file[f"contact/{name}/{column}"] = table[:, place]
 
         _replace(self.folder / "history.h5", write)
 
@@ -263,10 +269,15 @@ class RunWriter:
             columns = {name: file[f"energy/{name}"][:n_rows] for name in ENERGIES}
             columns |= {"t": file["time"][:n_rows], "volume_ratio": file["volume_ratio"][:n_rows]}
             probes = file["probes"][:, :n_rows].transpose(1, 0, 2)
-            support = {name: data[:n_rows] for name, data in file["support"].items()}
+            support = {name: data[:n_rows] for name, data in file.get("support", {}).items()}
+            contact = {
+                name: np.column_stack([group[column][:n_rows] for column in TOUCH_COLUMNS])
+                for name, group in file.get("contact", {}).items()
+            }
         stored["rows"] = [
             {name: float(column[i]) for name, column in columns.items()}
-            | {"probes": probes[i], "support": {name: forces[i] for name, forces in support.items()}}
+            | {"probes": probes[i]}
+            | {key: {name: rows[i] for name, rows in of.items()} for key, of in (("support", support), ("contact", contact))}
             for i in range(n_rows)
         ]
         path = self.folder / "fields.h5"
@@ -312,6 +323,8 @@ class Run:
         Name to energy or work (n_t,) in J.
     support : dict
         Bonded surface to the force (n_t, 3) in N that its bone exerts on the tongue.
+    contact : dict
+        Obstacle to ``force`` (n_t, 3) in N on the tongue, ``area`` in m², ``pressure`` (largest) in Pa, ``penetration`` in m.
     volume_ratio : (n_t,) float array
         Volume over rest volume.
 
@@ -331,7 +344,10 @@ class Run:
             self.time: Floats = file["time"][:]
             self.probes: dict[str, Floats] = dict(zip(file["probes"].attrs["names"], file["probes"][:], strict=True))
             self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
-            self.support: dict[str, Floats] = {name: data[:] for name, data in file["support"].items()}
+            self.support: dict[str, Floats] = {name: data[:] for name, data in file.get("support", {}).items()}
+            self.contact: dict[str, dict[str, Floats]] = {
+                name: {column: data[:] for column, data in group.items()} for name, group in file.get("contact", {}).items()
+            }
             self.volume_ratio: Floats = file["volume_ratio"][:]
 
     def field(self, name: str, index: int = -1) -> Floats:

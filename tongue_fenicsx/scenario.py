@@ -16,12 +16,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from . import muscles, passive
 from .activation import Activation
 from .active import FORCE_VELOCITY
+from .contact import FORMS
 from .errors import InputError, reading
 from .fields import EXTRA_FIELDS
 from .meshing import PRESETS
 from .motion import RigidMotion
 from .parametric import SPLITTABLE
 from .shape import TongueShape
+from .surface import SUFFIXES
 
 Number = Annotated[float, Field(strict=True)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -170,6 +172,40 @@ class BoundarySection(Section):
         return data
 
 
+class PlaneSection(Section):
+    """A point of a plane and its normal, which points to the free side."""
+
+    point: Point
+    normal: Point
+
+
+class SphereSection(Section):
+    """A ball."""
+
+    centre: Point
+    radius: Positive
+
+
+class ContactSection(Section):
+    """An obstacle, and how it is met: a bone of the mesh or a surface file, a plane or a sphere; else the bone of the table's name."""
+
+    surface: str | None = None
+    plane: PlaneSection | None = None
+    sphere: SphereSection | None = None
+    form: Annotated[str, one_of(FORMS)] = "nitsche"
+    theta: Literal[-1, 0, 1] = 0
+    stiffness: Positive = 1.0
+    tolerance: Positive = 0.05e-3
+    touching: Positive = 0.2e-3
+    moves_with: str | None = None
+
+    @model_validator(mode="after")
+    def _one_obstacle(self) -> ContactSection:
+        if sum(source is not None for source in (self.surface, self.plane, self.sphere)) > 1:
+            raise ValueError("one of surface, plane and sphere is expected")
+        return self
+
+
 class GravitySection(Section):
     """Gravity in m/s², also by the posture of the head, and the time in s over which it grows from zero."""
 
@@ -252,6 +288,7 @@ class Scenario(Section):
     muscles: MuscleSection = MuscleSection()
     boundary: BoundarySection = Field(default_factory=lambda: BoundarySection.model_validate({}))
     gravity: GravitySection = GravitySection()
+    contact: dict[str, ContactSection] = {}
     time: TimeSection
     output: OutputSection = OutputSection()
     solver: SolverSection = SolverSection()
@@ -280,9 +317,11 @@ class Scenario(Section):
             )
             for name, m in self.boundary.moving.items()
         }
+        contact = {name: section.model_copy(update=_lengths(section)) for name, section in self.contact.items()}
         return self.model_copy(
             update={
                 "units": "m",
+                "contact": contact,
                 "mesh": mesh,
                 "muscles": self.muscles.model_copy(update={"tendon_length": tendon}),
                 "boundary": self.boundary.model_copy(update={"moving": moving}),
@@ -312,6 +351,18 @@ def _metres(point: Point) -> Point:
     return (1e-3 * point[0], 1e-3 * point[1], 1e-3 * point[2])
 
 
+def _lengths(contact: ContactSection) -> dict[str, Any]:
+    """What of a contact changes from mm to m."""
+    update: dict[str, Any] = {}
+    if contact.plane is not None:
+        update["plane"] = contact.plane.model_copy(update={"point": _metres(contact.plane.point)})
+    if contact.sphere is not None:
+        update["sphere"] = SphereSection(centre=_metres(contact.sphere.centre), radius=1e-3 * contact.sphere.radius)
+    for name in {"tolerance", "touching"} & contact.model_fields_set:
+        update[name] = 1e-3 * getattr(contact, name)
+    return update
+
+
 def load(path: Path, changes: list[str] | None = None) -> Scenario:
     """Read a scenario and check it.
 
@@ -336,6 +387,9 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
         for key in ("file", "subject"):
             if isinstance(source.get(key), str):
                 source[key] = str(path.parent / source[key])
+    for section in data["contact"].values() if isinstance(data.get("contact"), dict) else ():
+        if isinstance(section, dict) and isinstance(section.get("surface"), str) and Path(section["surface"]).suffix in SUFFIXES:
+            section["surface"] = str(path.parent / section["surface"])
     for section in data["activation"].values() if isinstance(data.get("activation"), dict) else ():
         if isinstance(section, dict) and isinstance(section.get("table"), str):
             section["table"] = str(path.parent / section["table"])
@@ -386,17 +440,24 @@ def explain(error: ValidationError) -> str:
     return f"{key or 'scenario'}: {message[0].lower()}{message[1:].rstrip('.')}{shown}."
 
 
+NAMED: dict[str, type[BaseModel]] = {"activation": ActivationSection, "contact": ContactSection, "moving": MotionSection}
+"""Tables of tables that the user names."""
+
+
 def _known_keys(where: list[Any]) -> list[str]:
     model: type[BaseModel] = Scenario
     for part in where:
         field = model.model_fields.get(str(part))
-        if field is None:  # a muscle's table
-            return list(ActivationSection.model_fields)
+        if field is None:  # a table named by the user
+            continue
+        if part in NAMED:
+            model = NAMED[part]
+            continue
         kind = field.annotation
         if not (isinstance(kind, type) and issubclass(kind, BaseModel)):
             continue
         model = kind
-    return list(ActivationSection.model_fields) if "activation" in where else list(model.model_fields)
+    return list(model.model_fields)
 
 
 def dump(scenario: Scenario) -> str:

@@ -25,6 +25,7 @@ from petsc4py import PETSc
 
 from . import __version__, jit
 from .activation import Course, FunctionOfTime
+from .contact import AUGMENTATIONS, touches_summary
 from .errors import InputError, SolveError, check_outputs
 from .fibres import Floats
 from .fields import ExtraFields
@@ -33,7 +34,7 @@ from .model import Model
 from .muscles import peak_stress, resolve
 from .probes import Probes
 from .results import RUN_FILES, Run, RunWriter
-from .solver import Newton, Tolerances
+from .solver import Newton, Outcome, Tolerances
 from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero
 
@@ -253,6 +254,7 @@ class _Loop:
         parts: list[Any] = [asdict(getattr(model, n)) for n in ("passive", "contraction", "damping")]  # type: ignore[call-overload]
         parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise, model.mixed]
         parts += [{name: asdict(motion) for name, motion in model.moving.items()}]
+        parts += [{name: contact.description for name, contact in model.contacts.items()}]
         parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
         parts += [{name: course.description for name, course in self.simulation.activation.items()}]
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
@@ -317,7 +319,8 @@ class _Loop:
         every = self.stepping.output_every
         times = [every * i for i in range(1, int(self.t_end / every) + 1)] + [self.t_end]
         times += [kink for course in self.simulation.activation.values() for kink in course.kinks]
-        times += [kink for motion in self.model.moving.values() for kink in motion.kinks]
+        moving = [contact.motion for contact in self.model.contacts.values() if contact.motion is not None]
+        times += [kink for motion in (*self.model.moving.values(), *moving) for kink in motion.kinks]
         times += [self.model.gravity_rise] if any(self.model.gravity) else []
         return sorted({round(time, 12) for time in times if 0 < time <= self.t_end})
 
@@ -331,7 +334,7 @@ class _Loop:
         self.scheme.begin(h)
         self.weak.hold()
         assert self._solver is not None
-        self._outcome = self._solver.solve()
+        self._outcome = self._solve()
         self.counters["newton_iterations"] += self._outcome.newton
         self.counters["krylov_iterations"] += self._outcome.krylov
         good = self._outcome.converged
@@ -346,6 +349,17 @@ class _Loop:
         else:
             self.scheme.restore(before)
         return good
+
+    def _solve(self) -> Outcome:
+        """Solve the step, again with augmented contact where the tongue is too deep in an obstacle."""
+        assert self._solver is not None
+        outcome = self._solver.solve()
+        for _ in range(AUGMENTATIONS):
+            if not (outcome.converged and self.weak.contacts.augment()):
+                break
+            again = self._solver.solve()
+            outcome = replace(again, newton=outcome.newton + again.newton, krylov=outcome.krylov + again.krylov)
+        return outcome
 
     def _accurate(self, before: State) -> bool:
         """Whether the step meets the tolerance, nearly; steps of the least length always do."""
@@ -377,7 +391,7 @@ class _Loop:
     def _load_state(self) -> None:
         state = self.scheme.state
         self.weak.u.x.array[:] = state.u
-        self.weak.frozen.x.array[:] = state.u
+        self.weak.refresh()
         self.velocity.x.array[:] = state.v
         self.acceleration.x.array[:] = state.acceleration
 
@@ -408,6 +422,7 @@ class _Loop:
                 "t": self.scheme.state.t,
                 "probes": self.simulation.probes.values(self.weak.u),
                 "support": self.measures.support_forces,
+                "contact": {name: touch.numbers for name, touch in self.measures.contact.touches.items()},
                 "volume_ratio": self.measures.volume_ratio,
             }
             | {name: balance[name] for name in ENERGIES}
@@ -422,7 +437,9 @@ class _Loop:
         self.writer.write_fields(
             state.t,
             {"displacement": state.u, "velocity": state.v},
-            {"hencky_von_mises": strain, "jacobian": self.measures.jacobian_per_cell()} | self.extra.evaluate(),
+            {"hencky_von_mises": strain, "jacobian": self.measures.jacobian_per_cell()}
+            | ({"contact_pressure": self.measures.contact.pressure} if self.weak.contacts.terms else {})
+            | self.extra.evaluate(),
         )
 
     def _checkpoint(self) -> None:
@@ -455,6 +472,7 @@ class _Loop:
         model, c = self.model, {name: value for name, value in self.counters.items() if name not in ("next_step", "largest")}
         numbering = self.writer.numbering
         probes = self.simulation.probes
+        contact = {name: touches_summary([row["contact"][name] for row in self.writer.rows]) for name in model.contacts}
         assert self._solver is not None
         return {
             "status": status,
@@ -466,7 +484,8 @@ class _Loop:
             "t_end": self.scheme.state.t,
             **c,
             "energy_balance_error": self.measures.balance.error,
-            "contact_force_max_N": 0.0,
+            "contact_force_max_N": max((of["force_max_N"] for of in contact.values()), default=0.0),
+            "contact": contact,
             "probes": {name: list(map(float, u)) for name, u in zip(probes.names, self.writer.rows[-1]["probes"], strict=True)},
             "model": {
                 "law": type(model.passive).__name__.lower(),

@@ -61,7 +61,7 @@ class Newton:
     Parameters
     ----------
     weak : WeakForm
-        The equations; its `u`, `frozen` and `pressure` are what is solved for.
+        The equations; its `u` and `pressure` are what is solved for.
     scheme : GeneralizedAlpha or QuasiStatic
         Velocity and acceleration as functions of the displacement.
     tolerances : Tolerances
@@ -76,16 +76,16 @@ class Newton:
     """
 
     def __init__(self, weak: WeakForm, scheme: Scheme, tolerances: Tolerances, log: Callable[[str], None]) -> None:
-        self._u, self._frozen, self._bcs, self._log = weak.u, weak.frozen, weak.bcs, log
+        self._u, self._bcs, self._log = weak.u, weak.bcs, log
         self._weak, self._tolerances = weak, tolerances
         residual, tangent = weak.equations(scheme.v, scheme.acceleration)
-        self._residuals = fem.form(residual if weak.pressure is not None else [residual], jit_options=jit.options())
-        self._tangent = fem.form(tangent, jit_options=jit.options())
+        self._residuals = weak.compiled(residual if weak.pressure is not None else [residual])
+        self._tangent = weak.compiled(tangent)
         V = weak.V
         comm = V.mesh.comm
         if weak.pressure is None:
             self._unknowns = [weak.u]
-            self.ladder: tuple[str, ...] = ("cg+pmg", "gmres+pmg", "mumps")
+            self.ladder: tuple[str, ...] = ("cg+pmg", "gmres+pmg", "mumps")[0 if weak.symmetric else 1 :]
             self._x = fem_petsc.create_vector(V)
         else:
             self._unknowns = [weak.u, weak.pressure]
@@ -94,7 +94,7 @@ class Newton:
         self._b = self._x.duplicate()
         self._parts = [fem.create_vector(function.function_space) for function in self._unknowns]
         self._A = fem_petsc.create_matrix(self._tangent)
-        self._A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._A.setOption(PETSc.Mat.Option.SYMMETRIC, weak.symmetric)
         owned = [bc.dof_indices()[0][: bc.dof_indices()[1]] for bc in weak.bcs]
         self._fixed = np.unique(np.concatenate(owned)).astype(np.int32) if owned else np.empty(0, dtype=np.int32)
         self._ksp: dict[str, PETSc.KSP] = {}
@@ -136,7 +136,10 @@ class Newton:
                 return Outcome(True, newton, self._krylov, rung, reason)
             if code != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
                 break
-            self._log(f"  {rung} failed in the linear solve ({_reason(self._snes.getKSP().getConvergedReason(), PETSc.KSP)}); next rung")
+            why = self._snes.getKSP().getConvergedReason()
+            self._log(f"  {rung} failed in the linear solve ({_reason(why, PETSc.KSP)}); next rung")
+            if why == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+                self._ksp.pop(rung).destroy()  # it would remember the failure
         return Outcome(False, newton, self._krylov, rung, reason)
 
     # -- SNES call-backs
@@ -153,7 +156,7 @@ class Newton:
             function.x.array[:n] = x.array_r[at : at + n]
             function.x.scatter_forward()
             at += n
-        self._frozen.x.array[:] = self._u.x.array
+        self._weak.refresh()
 
     def _assemble_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self._to_function(x)

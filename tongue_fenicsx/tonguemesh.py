@@ -21,6 +21,7 @@ from . import foreign, meshing
 from .anatomy import Anatomy
 from .errors import InputError, reading
 from .fibres import Floats
+from .surface import Surface
 
 Ints = NDArray[np.int32]
 
@@ -83,6 +84,8 @@ class TongueMesh:
         Name with side to `MuscleCells`.
     landmarks : dict
         Name to point (3,) in m in the rest shape.
+    bones : dict
+        Name to the surface of a bone or wall around it, for contact.
     name : str
         What the tongue is called.
     """
@@ -93,6 +96,7 @@ class TongueMesh:
     muscles: dict[str, MuscleCells] = field(default_factory=dict)
     landmarks: dict[str, Floats] = field(default_factory=dict)
     name: str = "mesh"
+    bones: dict[str, Surface] = field(default_factory=dict)
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -152,7 +156,7 @@ class TongueMesh:
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
-        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"])
+        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"])
 
     def facets(self, names: list[str]) -> Ints:
         """Local facets of the named surfaces."""
@@ -223,6 +227,7 @@ def _read_h5(path: Path) -> dict[str, Any] | None:
             "name": str(file.attrs["name"]),
             "cells": file["cells"][:],
             "muscles": {name: _tree(group) for name, group in file.get("muscles", {}).items()},
+            "bones": {name: Surface(**_tree(group)) for name, group in file.get("bones", {}).items()},
             "landmarks": {name: data[:] for name, data in file.get("landmarks", {}).items()},
         }
         if stored["cells"].ndim != 2 or stored["cells"].shape[1] != 4:

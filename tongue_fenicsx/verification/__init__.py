@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Iterator
 
-from . import calculix, material, motion, muscle
+from . import calculix, contact, material, motion, muscle
 from .rows import Row
 
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
@@ -16,6 +16,7 @@ CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "decay": motion.decay,
     "contraction": motion.contraction,
     "ranks": motion.ranks,
+    "contact": contact.contact,
     "calculix": calculix.calculix,
 }
 """The cases by name; each yields rows."""

@@ -11,7 +11,6 @@ from dolfinx import default_scalar_type, fem, la
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 
-from .. import jit
 from ..active import Contraction
 from ..fibres import Floats
 from ..model import Model, Rayleigh, WeakForm
@@ -22,7 +21,7 @@ C10, C20, KAPPA = 192.0, 90.0, 19.2e3
 """The chapter's tissue in Pa, κ for ν = 0.49, written here again so that the rows do not take them from what they check."""
 
 
-def _closed_form(F: Floats) -> Floats:
+def closed_form(F: Floats) -> Floats:
     """First Piola–Kirchhoff stress of that tissue, (3, 3) in Pa, by hand."""
     J, C = np.linalg.det(F), F.T @ F
     I1 = J ** (-2 / 3) * np.trace(C)
@@ -52,7 +51,7 @@ def laws() -> Iterator[Row]:
     }
     for name, F in cases.items():
         homogeneous(weak, F)
-        expected = _closed_form(F)
+        expected = closed_form(F)
         error = abs(stress_at(weak, weak.passive_stress(weak.u)) - expected).max() / abs(expected).max()
         yield Row(f"Yeoh, {name}", "closed form", float(error), 1e-9)
 
@@ -65,7 +64,7 @@ def patch() -> Iterator[Row]:
     solve(weak, ufl.inner(weak.passive_stress(weak.u), ufl.grad(test)) * weak.dx, _boundary(weak, lambda X: A @ X))
     exact = fem.Function(weak.V)
     exact.interpolate(lambda X: A @ X)
-    expected = _closed_form(np.eye(3) + A)
+    expected = closed_form(np.eye(3) + A)
     error = abs(weak.u.x.array - exact.x.array).max(initial=0.0) / abs(exact.x.array).max(initial=0.0)
     gap = abs(stress_at(weak, weak.passive_stress(weak.u)) - expected).max() / abs(expected).max()
     comm = weak.V.mesh.comm
@@ -98,7 +97,7 @@ def manufactured(divisions: tuple[int, ...] = (2, 4, 8)) -> Iterator[Row]:
 
 
 def _hand_written_stress(u: Expr) -> Expr:
-    """`_closed_form` in UFL."""
+    """`closed_form` in UFL."""
     F = ufl.Identity(3) + ufl.grad(u)
     J = ufl.det(F)
     I1 = J ** (-2 / 3) * ufl.tr(F.T * F)
@@ -121,16 +120,16 @@ def taylor() -> Iterator[Row]:
         yield Row(
             "tangent, every term" + (", mixed" if mixed else ""),
             "order 2",
-            *_remainder(weak, velocity * (weak.u - weak.frozen), acceleration * weak.u),
+            *remainder(weak, velocity * (weak.u - weak.frozen), acceleration * weak.u),
         )
 
 
-def _remainder(weak: WeakForm, v: Expr, a: Expr) -> tuple[float, float, str]:
-    """Deviation of the order from 2, its limit, and a note. `weak.frozen` stays, as the tangent takes it."""
+def remainder(weak: WeakForm, v: Expr, a: Expr) -> tuple[float, float, str]:
+    """Of the tangent's Taylor test: deviation of the order from 2, its limit, and a note. `weak.frozen` stays, as the tangent takes it."""
     residual, tangent = weak.equations(v, a)
     unknowns = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
-    forms = fem.form([residual] if weak.pressure is None else residual, jit_options=jit.options())
-    A = fem_petsc.assemble_matrix(fem.form(tangent, jit_options=jit.options()))
+    forms = weak.compiled([residual] if weak.pressure is None else residual)
+    A = fem_petsc.assemble_matrix(weak.compiled(tangent))
     A.assemble()
     owned = [f.function_space.dofmap.index_map.size_local * f.function_space.dofmap.index_map_bs for f in unknowns]
     start = [f.x.array.copy() for f in unknowns]
@@ -145,6 +144,7 @@ def _remainder(weak: WeakForm, v: Expr, a: Expr) -> tuple[float, float, str]:
         parts = []
         for function, begin, direction in zip(unknowns, start, directions, strict=True):
             function.x.array[:] = begin + step * direction
+        weak.contacts.update()
         for form, n in zip(forms, owned, strict=True):
             vector = fem.assemble_vector(form)
             vector.scatter_reverse(la.InsertMode.add)

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: MIT
+"""Runs with contact: what they keep, what they refuse, and scenarios that name obstacles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import pyvista as pv
+
+import tongue_fenicsx as tf
+from tongue_fenicsx.assemble import simulation_of
+from tongue_fenicsx.contact import Contact
+from tongue_fenicsx.obstacles import Plane, Triangulated
+from tongue_fenicsx.scenario import dump, load
+from tongue_fenicsx.tonguemesh import on_rank_zero
+
+FLOOR = Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0))
+END = {"end": (0.02, 0.005, 0.005)}
+
+
+def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) -> tf.Model:
+    """A block that bends under its weight, onto a floor."""
+    contacts = {} if contact is None else {"floor": contact}
+    return tf.Model(
+        block, tf.Yeoh.buchaillard(), damping=tf.Rayleigh(40.0, 0.01), fixed=["left"], gravity=(0, 0, -9.81), contacts=contacts, **options
+    )  # type: ignore[arg-type]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("form", "mixed"), [("nitsche", False), ("penalty", False), ("nitsche", True)])
+def test_the_floor_carries(block: tf.TongueMesh, scratch: Path, form: str, mixed: bool) -> None:
+    """The block comes to rest on the floor: floor and wall carry its weight, it stays out, and the energies balance."""
+    model = sinking(block, Contact(FLOOR, form), mixed=mixed)
+    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(output_every=0.1)).run(0.5, scratch)
+    free = tf.Simulation(sinking(block, None, mixed=mixed), probes=END, stepping=tf.Stepping(output_every=0.1)).run(0.5, scratch / "free")
+    assert free.probes["end"][-1, 2] < -2e-3 < run.probes["end"][-1, 2] < -5e-4
+    floor = run.contact["floor"]
+    assert floor["force"][-1, 2] > 1e-3
+    weight = 9.81 * 1000 * 2e-6
+    assert floor["force"][-1, 2] + run.support["left"][-1, 2] == pytest.approx(weight, rel=1e-2)
+    np.testing.assert_allclose(floor["force"][:, :2], 0.0, atol=1e-12)
+    assert floor["penetration"].max() < 0.05e-3
+    assert floor["area"][-1] > 1e-7
+    assert floor["pressure"].max() < 1e4
+    summary = run.summary["contact"]["floor"]
+    assert summary["force_max_N"] == pytest.approx(np.linalg.norm(floor["force"], axis=1).max())
+    assert run.summary["contact_force_max_N"] == summary["force_max_N"]
+    assert summary["penetration_max_m"] == floor["penetration"].max()
+    assert run.summary["energy_balance_error"] < 0.01
+    pressure = run.field("contact_pressure")
+    assert pressure.max() == pytest.approx(floor["pressure"][-1], rel=1e-5)
+    assert np.count_nonzero(pressure) < 0.2 * len(pressure)
+
+
+@pytest.mark.parallel
+def test_resume_in_contact(block: tf.TongueMesh, scratch: Path) -> None:
+    """A run stopped while touching goes on as if it had not been (no λ is carried from step to step)."""
+
+    def simulate(folder: Path, end: float, resume: bool = False) -> tf.Run:
+        contact = Contact(FLOOR, "penalty", stiffness=0.05, tolerance=0.02e-3)
+        return tf.Simulation(sinking(block, contact), probes=END).run(end, folder, resume=resume)
+
+    whole = simulate(scratch / "whole", 0.2)
+    simulate(scratch / "parts", 0.15)
+    parts = simulate(scratch / "parts", 0.2, resume=True)
+    assert np.linalg.norm(whole.contact["floor"]["force"], axis=1).max() > 1e-4
+    round_off = 0.0 if block.comm.size == 1 else 1e-12
+    np.testing.assert_allclose(parts.probes["end"], whole.probes["end"], rtol=0, atol=round_off)
+    np.testing.assert_allclose(parts.contact["floor"]["force"], whole.contact["floor"]["force"], rtol=0, atol=1e6 * round_off)
+
+
+def test_augmentation(block: tf.TongueMesh, scratch: Path) -> None:
+    """A soft penalty alone lets the block in; augmented until its tolerance it does not."""
+    deep = []
+    for tolerance in (1.0, 0.01e-3):
+        contact = Contact(FLOOR, "penalty", stiffness=0.02, tolerance=tolerance)
+        stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
+        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run(0.1, scratch)
+        deep.append(run.contact["floor"]["penetration"][-1])
+    assert deep[0] > 0.02e-3
+    assert deep[1] < 0.01e-3
+
+
+def test_touching_at_rest(block: tf.TongueMesh) -> None:
+    """0.1 mm inside at rest counts as touching, 0.3 mm is refused with depth and place; next to a bonded area nothing is asked."""
+    for depth, refused in ((0.1e-3, False), (0.3e-3, True)):
+        plane = Plane((0.0, 0.0, depth), (0.0, 0.0, 1.0))
+        model = sinking(block, Contact(plane))
+        if refused:
+            with pytest.raises(tf.InputError, match=r"contact\.floor: at rest the tongue is 0\.30 mm inside it at \(.*, .*, 0\.0\) mm"):
+                model.weak_form([])
+        else:
+            weak = model.weak_form([])
+            term = weak.contacts.terms["floor"]
+            assert term.gap.x.array.min() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [({"form": "glue"}, "'glue'; penalty or nitsche"), ({"theta": 2}, "-1, 0 or 1"), ({"stiffness": 0.0}, "contact.stiffness: 0.0")],
+)
+def test_bad_contact(wrong: dict[str, object], message: str) -> None:
+    """Forms and numbers that are not accepted are named."""
+    with pytest.raises(tf.InputError, match=message):
+        Contact(FLOOR, **wrong)  # type: ignore[arg-type]
+
+
+SCENARIO = """
+units = "mm"
+[mesh]
+file = "tongue.msh"
+[time]
+end = 0.02
+[boundary.moving.mandible]
+angle = [[0.1, 0, 5]]
+[contact.palate]
+tolerance = 0.02
+[contact.lower_teeth]
+form = "penalty"
+stiffness = 2.0
+moves_with = "mandible"
+[contact.screen]
+plane = {point = [0, 0, 80], normal = [0, 0, -1]}
+[contact.ball]
+sphere = {centre = [0, 0, 120], radius = 10}
+[contact.file]
+surface = "ball.stl"
+"""
+
+
+def test_scenario(tongue: tf.TongueMesh, tongue_file: Path) -> None:
+    """Bones of the mesh, files, planes and balls become obstacles in m, and the resolved scenario says the same again."""
+    path = tongue_file.parent / "contact.toml"
+
+    def write() -> None:
+        path.write_text(SCENARIO)
+        pv.Sphere(radius=0.01, center=(0.0, 0.0, 0.15)).save(path.parent / "ball.stl")
+
+    on_rank_zero(tongue.comm, write)
+    scenario = load(path)
+    contacts = simulation_of(scenario, path.parent).model.contacts
+    assert list(contacts) == ["palate", "lower_teeth", "screen", "ball", "file"]
+    assert contacts["palate"].tolerance == pytest.approx(2e-5)
+    assert contacts["palate"].form == "nitsche"
+    assert contacts["lower_teeth"].motion is not None
+    assert list(contacts["lower_teeth"].motion.angle) == [(0.1, 0.0, 5.0)]
+    dorsum = tongue.landmarks["dorsum"][None]
+    above = dorsum + np.array([0, 0, 5e-3])
+    gaps = {name: contact.obstacle.evaluate(above)[0][0] for name, contact in contacts.items()}
+    assert 1e-3 < gaps["palate"] < 4e-3
+    assert gaps["screen"] == pytest.approx(0.08 - dorsum[0, 2] - 5e-3)
+    assert gaps["ball"] > 0.03
+    assert isinstance(contacts["file"].obstacle, Triangulated)
+    again = path.with_name("again.toml")
+    on_rank_zero(tongue.comm, lambda: again.write_text(dump(scenario.in_metres())))
+    np.testing.assert_allclose(simulation_of(load(again), path.parent).model.contacts["ball"].obstacle.evaluate(above)[0], gaps["ball"])
+    with h5py.File(tongue_file.with_suffix(".h5")) as file:
+        assert {"palate", "velum", "mandible", "lower_teeth"} <= set(file["bones"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("contact.palat={}", r"contact\.palat\.surface: the mesh has no bone 'palat' \(it has .*palate"),
+        ("contact.palate.surface='no.stl'", "no.stl"),
+        ("contact.palate.moves_with='hyoid'", "'hyoid' does not move; moving in boundary.moving: mandible"),
+        ("contact.palate.form='glue'", "'glue' is not one of penalty, nitsche"),
+        ("contact.palate.stifness=2.0", "did you mean 'stiffness'"),
+        ("contact.screen.sphere={centre=[0.0,0.0,0.0],radius=1.0}", "one of surface, plane and sphere"),
+        ("contact.ball.sphere.radius=-1.0", "greater than 0"),
+        ("contact.screen.plane.normal=[0.0,0.0,0.0]", "has no direction"),
+    ],
+)
+def test_bad_scenario(tongue_file: Path, change: str, message: str) -> None:
+    """One sentence names key and fault."""
+    path = tongue_file.parent / "contact.toml"
+    if not path.exists():
+        path.write_text(SCENARIO)
+    with pytest.raises(tf.InputError, match=message):
+        simulation_of(load(path, [change]), path.parent)
