@@ -16,7 +16,7 @@ demo: $(VENV)/ready
 	@echo "Look at runs/ggp/figures/*.png; open runs/ggp/fields.xdmf in ParaView."
 
 test: $(VENV)/ready lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 	$(BIN)/mpiexec -n 2 $(BIN)/python -m pytest -m parallel -p no:cacheprovider </dev/null
 
 lint: $(VENV)/ready

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tongue_fenicsx import active, measures, model, passive, timestep
+from tongue_fenicsx import active, measures, model, obstacles, passive, timestep
 from tongue_fenicsx.cli import main
 from tongue_fenicsx.verification import CASES, Row, calculix, motion
 
@@ -83,8 +83,34 @@ def _wrong_energy(patch: pytest.MonkeyPatch) -> None:
     def wrong(self: measures.Measures) -> None:
         right(self)
         self.balance.elastic *= 1.05
+        self.balance.kinetic *= 1.05
 
     patch.setattr(measures.Measures, "_energies", wrong)
+
+
+def _heavier(patch: pytest.MonkeyPatch) -> None:
+    right = model.WeakForm.set_time
+
+    def wrong(self: model.WeakForm, t: float, levels: Any) -> None:
+        right(self, t, levels)
+        self.gravity.value[:] *= 1.05
+
+    patch.setattr(model.WeakForm, "set_time", wrong)
+
+
+def _larger_ball(patch: pytest.MonkeyPatch) -> None:
+    right = obstacles.Triangulated.evaluate
+
+    def wrong(self: obstacles.Triangulated, points: Any) -> Any:
+        gap, normal, curvature = right(self, points)
+        return gap - 0.05 * 5e-3, normal, curvature
+
+    patch.setattr(obstacles.Triangulated, "evaluate", wrong)
+
+
+def _stiffer_neo_hookean(patch: pytest.MonkeyPatch) -> None:
+    right = passive.NeoHookean.isochoric_energy
+    patch.setattr(passive.NeoHookean, "isochoric_energy", lambda self, I1, I2, parameters: 1.05 * right(self, I1, I2, parameters))
 
 
 def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
@@ -99,12 +125,19 @@ def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
         ("laws", _stiffer, 4),
         ("patch", _stiffer, 1),
         ("manufactured", _stiffer, 2),
-        ("taylor", _stiffer_tangent, 2),
+        ("cook", _stiffer_neo_hookean, 1),
+        ("taylor", _stiffer_tangent, 4),
         ("fibres", _stronger, 3),
         ("time", _other_gamma, 3),
         ("decay", _more_damping, 1),
         ("contraction", _wrong_energy, 1),
         ("ranks", _stiffer_on_two_ranks, 1),
+        ("contact", _stiffer_tangent, 4),
+        ("pressed", _stiffer, 3),
+        ("hertz", _stiffer_neo_hookean, 1),
+        ("incline", _heavier, 1),
+        ("incline", _wrong_energy, 1),
+        ("triangles", _larger_ball, 1),
         pytest.param("calculix", _stiffer, 2, marks=needs_calculix),
     ],
 )

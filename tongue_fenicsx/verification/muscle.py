@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem, la
-from dolfinx import mesh as dmesh
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -17,11 +16,11 @@ from .. import jit
 from ..active import Contraction
 from ..errors import SolveError
 from ..fibres import Floats
-from ..model import Model, Rayleigh, WeakForm
-from ..passive import Expr, Yeoh
+from ..model import Model, Rayleigh
+from ..passive import Yeoh
 from ..solver import Newton, Tolerances
 from ..timestep import GeneralizedAlpha
-from .rows import Row, box, homogeneous, with_fibres
+from .rows import LoadedForm, Row, box, homogeneous, roller, with_fibres
 
 SIZE, PEAK, C10, C20 = 0.01, 3e3, 192.0, 90.0
 
@@ -42,7 +41,7 @@ def _velocity(rate: float) -> float:
     return float(0.7109 + 0.712 * np.arctan(0.43 + 0.4444 * rate) + 0.0329 * rate)
 
 
-class _Bar(WeakForm):
+class _Bar(LoadedForm):
     """A cube between frictionless symmetry planes; its end carries a dead load or is moved."""
 
     def __init__(self, force_velocity: str, load: float, course: Callable[[float], float] | None) -> None:
@@ -51,26 +50,14 @@ class _Bar(WeakForm):
         model = Model(
             cube, Yeoh(C10, C20, 0.5), contraction, Rayleigh(0.0), density=1e-3, sigma_max={"GGP": PEAK}, fixed=["wall"], mixed=True
         )
-        super().__init__(model, ["GGP_L"])
-        mesh = cube.mesh
-        end = dmesh.locate_entities_boundary(mesh, 2, lambda X: X[0] > SIZE * (1 - 1e-9))
-        tags = dmesh.meshtags(mesh, 2, end, np.ones(len(end), dtype=np.int32))
-        self._load, self._end = fem.Constant(mesh, default_scalar_type(load)), ufl.Measure("ds", mesh, subdomain_data=tags)(1)
-        self._end_nodes = fem.locate_dofs_topological(self.V, 2, end)
+        super().__init__(model, ["GGP_L"], lambda X: X[0] > SIZE * (1 - 1e-9))
+        self.load.value[0] = load
         self.slots.activate({"GGP_L": 1.0})
-        self.bcs = []
-        for axis in range(3):
-            facets = dmesh.locate_entities_boundary(mesh, 2, lambda X, axis=axis: X[axis] < 1e-9)  # type: ignore[misc]
-            nil = default_scalar_type(0.0)
-            self.bcs.append(fem.dirichletbc(nil, fem.locate_dofs_topological(self.V.sub(axis), 2, facets), self.V.sub(axis)))
-        self._course, self._place = course, fem.Constant(mesh, default_scalar_type(0.0))
+        self.bcs = [roller(self, axis) for axis in range(3)]
+        self._course, self._place = course, fem.Constant(cube.mesh, default_scalar_type(0.0))
         if course is not None:
-            dofs = fem.locate_dofs_topological(self.V.sub(0), 2, end)
+            dofs = fem.locate_dofs_topological(self.V.sub(0), 2, self.facets)
             self.bcs.append(fem.dirichletbc(self._place, dofs, self.V.sub(0)))
-
-    def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
-        """With the load on the end."""
-        return super().balance(u, v, a, w) - self._load * w[0] * self._end
 
     def follow(self, stretch: float, rate: float, end: float, steps: int) -> Floats:
         """Time, stretch and nominal stress in Pa after each step, (steps, 3), from a stretch and its rate in 1/s."""
@@ -94,8 +81,8 @@ class _Bar(WeakForm):
             scheme.accept(t)
             vector = fem.assemble_vector(forces)
             vector.scatter_reverse(la.InsertMode.add)
-            force = vector.array.reshape(-1, 3)[self._end_nodes, 0].sum()
-            path.append([t, 1 + self.u.x.array.reshape(-1, 3)[self._end_nodes, 0].mean() / SIZE, force / SIZE**2])
+            force = vector.array.reshape(-1, 3)[self.nodes, 0].sum()
+            path.append([t, 1 + self.u.x.array.reshape(-1, 3)[self.nodes, 0].mean() / SIZE, force / SIZE**2])
         newton.destroy()
         return np.array(path)
 

@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 
 from .. import jit, quadrature
 from ..fibres import Floats
-from ..model import WeakForm
+from ..model import Model, WeakForm
 from ..passive import Expr
 from ..tonguemesh import MuscleCells, TongueMesh
 
@@ -66,6 +67,42 @@ def with_fibres(block: TongueMesh, direction: tuple[float, float, float] = (1.0,
     unit = np.array(direction) / np.linalg.norm(direction)
     muscle = MuscleCells(cells, np.ones((len(cells), 4)), np.tile(unit, (len(cells), 4, 1)))
     return TongueMesh(block.mesh, block.facet_tags, block.surfaces, {"GGP_L": muscle}, {}, "bar")
+
+
+class LoadedForm(WeakForm):
+    """A weak form with a dead load on a part of the boundary.
+
+    Attributes
+    ----------
+    load : dolfinx.fem.Constant
+        Traction (3,) in Pa per area at rest.
+    loaded : dolfinx.ufl.Measure
+        The part that bears it.
+    facets, nodes : int array
+        Its facets and nodes on this rank.
+    """
+
+    def __init__(self, model: Model, active: Sequence[str], where: Callable[[Floats], Floats]) -> None:
+        super().__init__(model, active)
+        mesh = self.V.mesh
+        self.facets = dmesh.locate_entities_boundary(mesh, 2, where)
+        tags = dmesh.meshtags(mesh, 2, self.facets, np.ones(len(self.facets), dtype=np.int32))
+        self.load = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
+        self.loaded = ufl.Measure("ds", mesh, subdomain_data=tags)(1)
+        self.nodes = fem.locate_dofs_topological(self.V, 2, self.facets)
+
+    def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
+        """With the load."""
+        return super().balance(u, v, a, w) - ufl.inner(self.load, w) * self.loaded
+
+
+def roller(weak: WeakForm, axis: int, *places: float) -> fem.DirichletBC:
+    """No displacement along `axis` on the boundary where that coordinate is one of `places` (m); by default 0."""
+    V = weak.V.sub(axis)
+    facets = dmesh.locate_entities_boundary(
+        weak.V.mesh, 2, lambda X: np.any([abs(X[axis] - place) < 1e-9 for place in places or (0.0,)], axis=0)
+    )
+    return fem.dirichletbc(default_scalar_type(0), fem.locate_dofs_topological(V, 2, facets), V)
 
 
 def homogeneous(weak: WeakForm, F: Floats) -> None:
