@@ -16,12 +16,15 @@ if TYPE_CHECKING:
     from .activation import Activation, Excited, ramp
     from .active import Contraction
     from .anatomy import Anatomy
+    from .contact import Contact
     from .errors import InputError, SolveError
     from .model import Model, Rayleigh
     from .motion import RigidMotion
+    from .obstacles import Plane, Sphere, Triangulated
     from .parametric import parametric_tongue
     from .passive import MooneyRivlin, NeoHookean, Yeoh
     from .results import Run
+    from .rigid import Suspension
     from .shape import TongueShape
     from .simulation import Simulation, Stepping
     from .solver import Tolerances
@@ -31,21 +34,26 @@ if TYPE_CHECKING:
 _HOME = {
     "Activation": "activation",
     "Anatomy": "anatomy",
+    "Contact": "contact",
     "Contraction": "active",
     "Excited": "activation",
     "InputError": "errors",
     "Model": "model",
     "MooneyRivlin": "passive",
     "NeoHookean": "passive",
+    "Plane": "obstacles",
     "Rayleigh": "model",
     "RigidMotion": "motion",
     "Run": "results",
     "Simulation": "simulation",
+    "Sphere": "obstacles",
     "SolveError": "errors",
     "Stepping": "simulation",
+    "Suspension": "rigid",
     "Tolerances": "solver",
     "TongueMesh": "tonguemesh",
     "TongueShape": "shape",
+    "Triangulated": "obstacles",
     "Yeoh": "passive",
     "parametric_tongue": "parametric",
     "ramp": "activation",
@@ -53,9 +61,9 @@ _HOME = {
 }
 
 __all__ = [
-    "Activation", "Anatomy", "Contraction", "Excited", "InputError", "Model", "MooneyRivlin", "NeoHookean", "Rayleigh",
-    "RigidMotion", "Run", "Simulation", "SolveError", "Stepping", "Tolerances", "TongueMesh", "TongueShape", "Yeoh", "parametric_tongue",
-    "ramp", "read_subject",
+    "Activation", "Anatomy", "Contact", "Contraction", "Excited", "InputError", "Model", "MooneyRivlin", "NeoHookean", "Plane", "Rayleigh",
+    "RigidMotion", "Run", "Simulation", "SolveError", "Sphere", "Stepping", "Suspension", "Tolerances", "TongueMesh", "TongueShape",
+    "Triangulated", "Yeoh", "parametric_tongue", "ramp", "read_subject",
 ]  # fmt: skip
 
 

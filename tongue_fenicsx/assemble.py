@@ -20,6 +20,7 @@ from .model import Model, Rayleigh
 from .muscles import resolve
 from .obstacles import Obstacle, Plane, Sphere, Triangulated, check_orientation
 from .parametric import parametric_tongue
+from .rigid import Suspension
 from .scenario import ActivationSection, ContactSection, MeshSection, Scenario
 from .simulation import Simulation, Stepping
 from .solver import Tolerances
@@ -121,6 +122,7 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         sigma_max=s.sigma_max(),
         fixed=s.boundary.fixed,
         moving={name: section.motion() for name, section in s.boundary.moving.items()},
+        suspended={name: Suspension(**section.model_dump()) for name, section in s.boundary.suspended.items()},
         contacts=_contacts(s, tongue),
         mixed=s.tissue.formulation == "mixed",
         gravity=s.gravity.vector,

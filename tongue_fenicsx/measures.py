@@ -90,7 +90,7 @@ class Measures:
         self.contact = ContactMeasures(weak, v)
         owned = weak.V.dofmap.index_map.size_local
         self._supports = {name: nodes[nodes < owned] for name, nodes in weak.supports.items()}
-        moved = [self._supports[name] for name in weak.model.moving]
+        moved = [self._supports[name] for name in (*weak.model.moving, *weak.model.suspended)]
         self._moved = np.unique(np.concatenate(moved)) if moved else np.empty(0, dtype=np.int32)
         self.balance = Balance()
         self._previous: tuple[Floats, Floats, Floats, Floats, Floats] | None = None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,6 +23,7 @@ from .errors import InputError
 from .fibres import Floats
 from .motion import RigidMotion
 from .passive import VOLUMETRIC, Expr, Passive, Yeoh, bulk_modulus
+from .rigid import Suspension
 from .tonguemesh import TongueMesh
 
 
@@ -68,6 +70,8 @@ class Model:
         Tagged surfaces that do not move.
     moving : mapping
         Tagged surfaces that move as bones do, and how.
+    suspended : mapping
+        Tagged surfaces that are rigid and held by springs.
     mixed : bool
         Whether the pressure is an unknown of its own (linear, beside the quadratic displacement), which stays accurate up
         to ν = 0.5; otherwise it comes from the change of volume.
@@ -94,6 +98,7 @@ class Model:
     sigma_max: Mapping[str, float] = field(default_factory=lambda: muscle_facts.CALKA_STRESS)
     fixed: Sequence[str] = ("mandible", "hyoid")
     moving: Mapping[str, RigidMotion] = field(default_factory=dict)
+    suspended: Mapping[str, Suspension] = field(default_factory=dict)
     mixed: bool = False
     contacts: Mapping[str, Contact] = field(default_factory=dict)
     gravity: Sequence[float] = (0.0, 0.0, 0.0)
@@ -104,12 +109,13 @@ class Model:
         if not self.density > 0:
             raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
         known = ", ".join(sorted(self.tongue.surfaces))
-        for key, names in (("fixed", self.fixed), ("moving", self.moving)):
+        for key, names in (("fixed", self.fixed), ("moving", self.moving), ("suspended", self.suspended)):
             for name in names:
                 if name not in self.tongue.surfaces:
                     raise InputError(f"boundary.{key}: the mesh has no surface {name!r}; it has {known}.")
-        for name in set(self.fixed) & set(self.moving):
-            raise InputError(f"boundary.moving.{name}: {name} is fixed, too; name it in one of the two.")
+        for name, count in Counter(self.bonded).items():
+            if count > 1:
+                raise InputError(f"boundary: {name} is named {count} times among fixed, moving and suspended; name it once.")
         if not self.contacts and self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
             raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
         if not self.mixed and self.passive.nu >= 0.5:
@@ -122,8 +128,8 @@ class Model:
 
     @property
     def bonded(self) -> list[str]:
-        """Surfaces on bone, fixed and moving."""
-        return [*self.fixed, *self.moving]
+        """Surfaces on bone, fixed, moving and suspended."""
+        return [*self.fixed, *self.moving, *self.suspended]
 
     def tendon_factor(self, points: Floats) -> Floats:
         """Share of the active stress that is left at points (n, 3): 0 at a bonded area, 1 beyond the tendon."""
@@ -199,20 +205,28 @@ class WeakForm:
             self._kappa = self._constant(bulk_modulus(passive))
         self._prescribed = fem.Function(self.V)
         self.supports = {name: fem.locate_dofs_topological(self.V, 2, tongue.facets([name])) for name in model.bonded}
-        self.bcs = [fem.dirichletbc(self._prescribed, nodes) for nodes in self.supports.values()]
+        self.bcs = [fem.dirichletbc(self._prescribed, self.supports[name]) for name in (*model.fixed, *model.moving)]
         edge, mu = _typical_edge(mesh), passive.shear_modulus
         bulk = 10 * mu if model.mixed else bulk_modulus(passive)
         self.contacts = ContactSet(self, model.contacts, {"penalty": PENALTY * mu / edge, "nitsche": NITSCHE * (bulk + 4 * mu / 3) / edge})
         entries = {name: muscle.entry.facets for name, muscle in muscles.items() if muscle.entry is not None}
-        facet = fem.IntegralType.exterior_facet
-        parts = [fem.compute_integration_domains(facet, mesh.topology, facets) for facets in entries.values()]
+        crossed = [*entries.values(), *(tongue.facets([name]) for name in model.suspended)]
+        parts = [fem.compute_integration_domains(fem.IntegralType.exterior_facet, mesh.topology, facets) for facets in crossed]
         numbered = list(enumerate([*parts, self.contacts.integrals.ravel()]))
         ds = ufl.Measure("ds", mesh, subdomain_data=numbered, metadata={"quadrature_degree": DEGREE})  # one for all, as DOLFINx asks
         self.pulls = [OuterPull(tongue, name, sigma[name], ds(i)) for i, name in enumerate(entries)]
-        self.ds_contact = ds(len(entries))
+        self._hung = [
+            (self._over_area(ds(i), suspension), ds(i)) for i, suspension in enumerate(model.suspended.values(), start=len(entries))
+        ]
+        self.ds_contact = ds(len(crossed))
 
     def _constant(self, value: float) -> fem.Constant:
         return fem.Constant(self.V.mesh, default_scalar_type(value))
+
+    def _over_area(self, ds: ufl.Measure, suspension: Suspension) -> fem.Constant:
+        """Mass, damping and stiffness per area."""
+        area = self.V.mesh.comm.allreduce(float(fem.assemble_scalar(fem.form(self._constant(1.0) * ds))))
+        return fem.Constant(self.V.mesh, np.array([suspension.mass, suspension.damping, suspension.stiffness]) / area)
 
     def set_time(self, t: float, levels: Mapping[str, float]) -> None:
         """Set gravity, the activations and the places of moving bones for time `t` (s)."""
@@ -305,8 +319,8 @@ class WeakForm:
         return self._density * (a + self._alpha * v - self.gravity)
 
     def mass(self, a: Expr, w: Expr) -> Expr:
-        """Inner product of an acceleration with a test function, weighted by the density."""
-        return self._density * ufl.inner(a, w) * self.dx_mass
+        """Inner product of an acceleration with a test function, weighted by the density and the mass of suspended bones."""
+        return self._density * ufl.inner(a, w) * self.dx_mass + sum(per[0] * ufl.inner(a, w) * ds for per, ds in self._hung)
 
     def outer_work(self, u: Expr, v: Expr, w: Expr) -> list[Expr]:
         """Virtual work on `w` of each muscle that pulls from outside."""
@@ -321,15 +335,20 @@ class WeakForm:
         works = [*self.outer_work(u, v, w), *self.contacts.work(u, v, w, self.ds_contact).values()]
         return sum((-work for work in works), form)
 
+    def suspension(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
+        """Virtual work on `w` of the inertia and the springs of suspended bones."""
+        return sum((ufl.dot(per[0] * a + per[1] * v + per[2] * u, w) * ds for per, ds in self._hung))
+
     def equations(self, v: Expr, a: Expr) -> tuple[Expr, Expr]:
         """Residual and tangent at `u` (and `pressure`) with velocity and acceleration as functions of it; as blocks in the mixed form."""
         if self.pressure is None:
-            residual = self.balance(self.u, v, a, ufl.TestFunction(self.V))
+            w = ufl.TestFunction(self.V)
+            residual = self.balance(self.u, v, a, w) + self.suspension(self.u, v, a, w)
             return residual, ufl.derivative(residual, self.u, ufl.TrialFunction(self.V), self.contacts.derivatives())
         W = ufl.MixedFunctionSpace(self.V, self.pressure.function_space)
         (w, q), (du, dp) = ufl.TestFunctions(W), ufl.TrialFunctions(W)
         volume = ufl.derivative(self.energy_density(ufl.Identity(3) + ufl.grad(self.u)) * self.dx, self.pressure, q)
-        residual = self.balance(self.u, v, a, w) + volume
+        residual = self.balance(self.u, v, a, w) + self.suspension(self.u, v, a, w) + volume
         tangent = ufl.derivative(residual, self.u, du, self.contacts.derivatives()) + ufl.derivative(residual, self.pressure, dp)
         return ufl.extract_blocks(residual), ufl.extract_blocks(tangent)
 

@@ -157,18 +157,27 @@ class MotionSection(Section):
         return RigidMotion(**dict(self))
 
 
+class SuspensionSection(Section):
+    """A rigid bone on springs: mass in kg, stiffness in N/m, damping in N s/m."""
+
+    mass: NotNegative = 5e-3
+    stiffness: NotNegative = 1760.0
+    damping: NotNegative = 0.0
+
+
 class BoundarySection(Section):
-    """Tagged surfaces that do not move (mandible and hyoid unless they move), and those that move with a bone."""
+    """Tagged surfaces that do not move (mandible and hyoid by default), those that move with a bone, and bones on springs."""
 
     fixed: list[str]
     moving: dict[str, MotionSection] = {}
+    suspended: dict[str, SuspensionSection] = {}
 
     @model_validator(mode="before")
     @classmethod
     def _bones(cls, data: Any) -> Any:
         if isinstance(data, dict) and "fixed" not in data:
-            moving = data.get("moving")
-            return data | {"fixed": [name for name in ("mandible", "hyoid") if not (isinstance(moving, dict) and name in moving)]}
+            others = [name for key in ("moving", "suspended") if isinstance(data.get(key), dict) for name in data[key]]
+            return data | {"fixed": [name for name in ("mandible", "hyoid") if name not in others]}
         return data
 
 
@@ -440,7 +449,12 @@ def explain(error: ValidationError) -> str:
     return f"{key or 'scenario'}: {message[0].lower()}{message[1:].rstrip('.')}{shown}."
 
 
-NAMED: dict[str, type[BaseModel]] = {"activation": ActivationSection, "contact": ContactSection, "moving": MotionSection}
+NAMED: dict[str, type[BaseModel]] = {
+    "activation": ActivationSection,
+    "contact": ContactSection,
+    "moving": MotionSection,
+    "suspended": SuspensionSection,
+}
 """Tables of tables that the user names."""
 
 

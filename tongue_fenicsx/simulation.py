@@ -17,13 +17,11 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
-import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from . import __version__, jit
+from . import __version__
 from .activation import Course, FunctionOfTime
 from .contact import AUGMENTATIONS, touches_summary
 from .errors import InputError, SolveError, check_outputs
@@ -240,7 +238,8 @@ class _Loop:
             on_rank_zero(self.comm, self.writer.start)
             self._set_time(0.0)
             if not self.stepping.quasi_static:
-                self._initial_acceleration()
+                initial = self._solver.acceleration(self.measures.forces())
+                self.scheme.restore(replace(self.scheme.state, acceleration=initial, auxiliary=initial))
             self._load_state()
             self.measures.start()
             self._record()
@@ -253,38 +252,13 @@ class _Loop:
         points = self.writer.numbering.points
         parts: list[Any] = [asdict(getattr(model, n)) for n in ("passive", "contraction", "damping")]  # type: ignore[call-overload]
         parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise, model.mixed]
-        parts += [{name: asdict(motion) for name, motion in model.moving.items()}]
+        parts += [{name: asdict(bone) for name, bone in bones.items()} for bones in (model.moving, model.suspended)]  # type: ignore[attr-defined]
         parts += [{name: contact.description for name, contact in model.contacts.items()}]
         parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
         parts += [{name: course.description for name, course in self.simulation.activation.items()}]
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
         digest.update(b"" if points is None else np.ascontiguousarray(points).tobytes())
         return str(self.comm.bcast(digest.hexdigest()))
-
-    def _initial_acceleration(self) -> None:
-        """ü₀ from the balance of forces at the start: M ü₀ = −r(u₀, v₀, 0)."""
-        weak, state = self.weak, self.scheme.state
-        forces = self.measures.forces()
-        for nodes in weak.supports.values():
-            forces[nodes[nodes < len(forces)]] = 0.0
-        if self.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) > 0:
-            a, w = ufl.TrialFunction(weak.V), ufl.TestFunction(weak.V)
-            M = fem_petsc.assemble_matrix(fem.form(weak.mass(a, w), jit_options=jit.options()), bcs=weak.bcs)
-            M.assemble()
-            solver = PETSc.KSP().create(self.comm)
-            solver.setOperators(M)
-            solver.setType("cg")
-            solver.getPC().setType("jacobi")
-            solver.setTolerances(rtol=1e-12)
-            initial = fem.Function(weak.V)
-            b = M.createVecLeft()
-            b.array[:] = -forces.ravel()
-            solver.solve(b, initial.x.petsc_vec)
-            initial.x.scatter_forward()
-            a0 = initial.x.array.copy()
-            self.scheme.restore(replace(state, acceleration=a0, auxiliary=a0))
-            for item in (solver, M, b):
-                item.destroy()
 
     # -- the time loop
 

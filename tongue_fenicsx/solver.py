@@ -8,12 +8,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from . import jit
+from .fibres import Floats
 from .model import WeakForm
+from .rigid import RigidBodies
 from .timestep import GeneralizedAlpha, QuasiStatic
 
 Scheme = GeneralizedAlpha | QuasiStatic
@@ -97,12 +102,19 @@ class Newton:
         self._A.setOption(PETSc.Mat.Option.SYMMETRIC, weak.symmetric)
         owned = [bc.dof_indices()[0][: bc.dof_indices()[1]] for bc in weak.bcs]
         self._fixed = np.unique(np.concatenate(owned)).astype(np.int32) if owned else np.empty(0, dtype=np.int32)
+        self._coarse = fem.functionspace(V.mesh, ("P", 1, (3,)))
+        self._suspended = [weak.supports[name] for name in weak.model.suspended]
+        self._bodies = RigidBodies(V, self._coarse, self._suspended, self._x) if self._suspended else None
+        self._operator = self._A
+        if self._bodies is not None:
+            self._assemble_full()
+            self._operator = self._bodies.reduced(self._A)
         self._ksp: dict[str, PETSc.KSP] = {}
         self._krylov = 0
         snes = PETSc.SNES().create(comm)
         snes.setOptionsPrefix("tongue_")
         snes.setFunction(self._assemble_residual, self._b)
-        snes.setJacobian(self._assemble_tangent, self._A)
+        snes.setJacobian(self._assemble_tangent, self._operator)
         snes.setType("newtonls")
         snes.getLineSearch().setType("bt")
         snes.setTolerances(rtol=tolerances.rtol, atol=tolerances.atol, stol=0.0, max_it=tolerances.max_newton)
@@ -113,6 +125,9 @@ class Newton:
         """Free the PETSc objects, on all ranks at once."""
         for item in (self._snes, *self._ksp.values(), self._A, self._b, self._x):
             item.destroy()
+        if self._bodies is not None:
+            self._bodies.destroy()
+            self._operator.destroy()
 
     @property
     def n_unknowns(self) -> int:
@@ -125,8 +140,10 @@ class Newton:
         reason = ""
         guess = [function.x.array.copy() for function in self._unknowns]
         for rung in self.ladder:
-            self._snes.setKSP(self._linear_solver(rung))
             self._x.array[:] = np.concatenate([values[:n] for values, n in zip(guess, self._sizes, strict=True)])
+            if self._bodies is not None:
+                self._bodies.begin(guess[0].reshape(-1, 3), self._x)
+            self._snes.setKSP(self._linear_solver(rung))
             self._snes.solve(None, self._x)
             self._to_function(self._x)
             newton += self._snes.getIterationNumber()
@@ -142,6 +159,41 @@ class Newton:
                 self._ksp.pop(rung).destroy()  # it would remember the failure
         return Outcome(False, newton, self._krylov, rung, reason)
 
+    def acceleration(self, forces: Floats) -> Floats:
+        """ü in m/s² (local, flat) at rest, from nodal forces (owned nodes, 3) in N that the balance without inertia leaves over."""
+        weak, V = self._weak, self._u.function_space
+        found = fem.Function(V)
+        if V.mesh.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) == 0:
+            return np.array(found.x.array)
+        M = fem_petsc.assemble_matrix(weak.compiled(weak.mass(ufl.TrialFunction(V), ufl.TestFunction(V))), bcs=self._bcs)
+        M.assemble()
+        x, b = M.createVecs()
+        b.array[:] = -forces.ravel()
+        bodies = RigidBodies(V, self._coarse, self._suspended, b) if self._suspended else None
+        operator = M
+        if bodies is not None:
+            bodies.begin(np.zeros((len(found.x.array) // 3, 3)), x)
+            bodies.place(x, found.x.array.reshape(-1, 3))
+            operator = bodies.reduced(M)
+            bodies.residual(x)  # nil
+            bodies.tangent(M, operator)
+            bodies.residual(b)
+        b.array[self._fixed] = 0.0
+        ksp = PETSc.KSP().create(V.mesh.comm)
+        ksp.setOperators(operator)
+        ksp.setType("cg")
+        ksp.getPC().setType("jacobi")
+        ksp.setTolerances(rtol=1e-12)
+        ksp.solve(b, x)
+        if bodies is not None:
+            x = bodies.nodal(x)
+            bodies.destroy()
+        found.x.array[: len(x.array_r)] = x.array_r
+        found.x.scatter_forward()
+        for item in (ksp, M, x, b):
+            item.destroy()
+        return np.array(found.x.array)
+
     # -- SNES call-backs
 
     @property
@@ -156,6 +208,8 @@ class Newton:
             function.x.array[:n] = x.array_r[at : at + n]
             function.x.scatter_forward()
             at += n
+        if self._bodies is not None:
+            self._bodies.place(x, self._u.x.array.reshape(-1, 3))
         self._weak.refresh()
 
     def _assemble_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
@@ -167,12 +221,19 @@ class Newton:
             part.scatter_reverse(la.InsertMode.add)
             b.array[at : at + n] = part.array[:n]
             at += n
+        if self._bodies is not None:
+            self._bodies.residual(b)
         b.array[self._fixed] = 0.0
 
     def _assemble_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        A.zeroEntries()
-        fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs)
-        A.assemble()
+        self._assemble_full()
+        if self._bodies is not None:
+            self._bodies.tangent(self._A, self._operator)
+
+    def _assemble_full(self) -> None:
+        self._A.zeroEntries()
+        fem_petsc.assemble_matrix(self._A, self._tangent, bcs=self._bcs)
+        self._A.assemble()
 
     # -- linear solvers
 
@@ -217,8 +278,9 @@ class Newton:
         for block in "up":
             options[f"{prefix}fieldsplit_{block}_ksp_type"] = "preonly"
         options[f"{prefix}fieldsplit_p_pc_type"] = "sor"
-        self._assemble_tangent(self._snes, self._x, self._A, self._A)
-        ksp.setOperators(self._A)
+        self._assemble_residual(self._snes, self._x, self._b)
+        self._assemble_tangent(self._snes, self._x, self._operator, self._operator)
+        ksp.setOperators(self._operator)
         ksp.setFromOptions()
         pc.setUp()
         displacement, _ = pc.getFieldSplitSchurGetSubKSP()
@@ -227,13 +289,12 @@ class Newton:
     def _multigrid(self, pc: PETSc.PC) -> None:
         """Two levels: quadratic displacement, smoothed by one symmetric sweep, and linear displacement."""
         V = self._u.function_space
-        coarse = fem.functionspace(V.mesh, ("P", 1, (3,)))
-        interpolation = _constrained_interpolation(coarse, V, self._fixed)
+        interpolation = _constrained_interpolation(self._coarse, V, self._fixed, self._bodies)
         pc.setType("mg")
         pc.setMGLevels(2)
         pc.setMGInterpolation(1, interpolation)
         prefix = pc.getOptionsPrefix() or ""
-        n_coarse = coarse.dofmap.index_map.size_global * 3
+        n_coarse = self._coarse.dofmap.index_map.size_global * 3
         settings = {
             "pc_mg_galerkin": "both",
             "mg_levels_ksp_type": "richardson",  # Chebyshev needs eigenvalues, estimated from random vectors: no exact restart
@@ -253,22 +314,32 @@ class Newton:
         pc.setFromOptions()
 
 
-def _constrained_interpolation(coarse: fem.FunctionSpace, fine: fem.FunctionSpace, fixed: np.ndarray) -> PETSc.Mat:
-    """Interpolation that leaves fixed unknowns out, with a unit pair kept at each fixed vertex so that the coarse matrix is regular."""
+def _constrained_interpolation(
+    coarse: fem.FunctionSpace, fine: fem.FunctionSpace, fixed: NDArray[np.int32], bodies: RigidBodies | None
+) -> PETSc.Mat:
+    """Interpolation that leaves fixed unknowns out, with a unit pair kept at each fixed vertex so that the coarse matrix is regular.
+
+    Unknowns of rigid bodies are left out, too; what lies around them follows the six coarse unknowns of each.
+    """
     P = fem_petsc.interpolation_matrix(coarse, fine)
     P.assemble()
     first, _ = P.getOwnershipRange()
-    rows = (fixed + first).astype(np.int32)
+    rows = (fixed if bodies is None else np.concatenate([fixed, bodies.dofs])).astype(PETSc.IntType) + first
     pairs = []
     for row in rows:
         columns, values = P.getRow(row)
         at = np.flatnonzero(values > 0.99)
         if len(at):
             pairs.append((row, columns[at[0]]))
+    moving: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+    if bodies is not None:
+        follow, moving = bodies.coarse(P.createVecRight())
+        P = P.matMult(follow)
     keep = P.createVecRight()
     keep.set(1.0)
     for _, column in pairs:
-        keep.setValue(column, 0.0)
+        if column not in moving:
+            keep.setValue(column, 0.0)
     keep.assemble()
     P.diagonalScale(None, keep)
     P.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)

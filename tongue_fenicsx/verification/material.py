@@ -191,7 +191,7 @@ def remainder(weak: WeakForm, rate: float = 0.0) -> tuple[float, float, str]:
     x.array[:] = np.concatenate([d[:n] for d, n in zip(directions, owned, strict=True)])
     A.mult(x, y)
     rest = at(0.0)
-    steps = (0.02, 0.01)
+    steps = (2e-3, 1e-3)
     left = [np.sqrt(weak.V.mesh.comm.allreduce(float(((at(h) - rest - h * y.array) ** 2).sum()))) for h in steps]
     order = float(np.log2(left[0] / left[1]))
     return abs(order - 2), 0.1, f"order {order:.2f}"
