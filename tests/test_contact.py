@@ -3,18 +3,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import pyvista as pv
+from conftest import SUBJECT, needs_subject
 
 import tongue_fenicsx as tf
+from tongue_fenicsx import meshing
 from tongue_fenicsx.assemble import simulation_of
-from tongue_fenicsx.contact import Contact
+from tongue_fenicsx.contact import SOFTER, Contact
 from tongue_fenicsx.obstacles import Plane, Triangulated
 from tongue_fenicsx.scenario import dump, load
+from tongue_fenicsx.solver import Newton, Outcome
 from tongue_fenicsx.tonguemesh import on_rank_zero
 
 FLOOR = Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0))
@@ -82,6 +86,29 @@ def test_augmentation(block: tf.TongueMesh, scratch: Path) -> None:
         deep.append(run.contact["floor"]["penetration"][-1])
     assert deep[0] > 0.02e-3
     assert deep[1] < 0.01e-3
+
+
+def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step whose solve fails in contact is solved with soft obstacles first, and ends where it should."""
+
+    def simulate(folder: Path) -> tf.Run:
+        stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
+        return tf.Simulation(sinking(block, Contact(FLOOR)), probes=END, stepping=stepping).run(0.1, folder)
+
+    expected = simulate(scratch / "expected")
+    right, stiffness = Newton.solve, []
+
+    def fails_at_first(self: Newton) -> Outcome:
+        outcome = right(self)
+        stiffness.append(1 / float(self._weak.contacts.terms["floor"].gamma.value))
+        return replace(outcome, converged=len(stiffness) % 3 != 1)
+
+    monkeypatch.setattr(Newton, "solve", fails_at_first)
+    run = simulate(scratch / "staged")
+    assert run.summary["n_rejected"] == 0
+    np.testing.assert_allclose(stiffness[1::3], stiffness[0] / SOFTER)
+    np.testing.assert_allclose(stiffness[2::3], stiffness[0])
+    np.testing.assert_allclose(run.probes["end"][-1], expected.probes["end"][-1], atol=1e-6)
 
 
 def test_touching_at_rest(block: tf.TongueMesh) -> None:
@@ -181,3 +208,18 @@ def test_bad_scenario(tongue_file: Path, change: str, message: str) -> None:
         path.write_text(SCENARIO)
     with pytest.raises(tf.InputError, match=message):
         simulation_of(load(path, [change]), path.parent)
+
+
+@needs_subject
+def test_demo_of_a_subject(scratch: Path) -> None:
+    """At rest subject PB's tongue fits its palate, velum, pharynx and jaw as the demo takes them, and not more tightly."""
+    mesh = scratch / "pb.msh"
+    meshing.build(tf.read_subject(SUBJECT), mesh, 5e-3)
+    demo = Path(__file__).parents[1] / "demos" / "subject_palate.toml"
+    changes = [f"mesh.file='{mesh}'"]
+    weak = simulation_of(load(demo, changes), scratch).model.weak_form([])
+    assert set(weak.contacts.terms) == {"palate_hard", "velum", "pharynx_wall", "mandible"}
+    assert all(term.gap.x.array.min() >= -1e-12 for term in weak.contacts.terms.values())
+    model = simulation_of(load(demo, [*changes, "contact.velum.touching=0.0002"]), scratch).model
+    with pytest.raises(tf.InputError, match=r"contact\.velum: at rest the tongue is 0\.\d\d mm inside it"):
+        model.weak_form([])

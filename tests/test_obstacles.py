@@ -16,14 +16,10 @@ CENTRE, RADIUS = np.array([0.01, 0.0, 0.02]), 0.012
 RNG = np.random.default_rng(3)
 
 
-def surface_of(mesh: pv.PolyData) -> Surface:
-    return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
-
-
 @pytest.fixture(scope="module")
 def ball() -> Triangulated:
     """A ball of 12 mm as triangles."""
-    return Triangulated(surface_of(pv.Sphere(radius=RADIUS, center=CENTRE, theta_resolution=120, phi_resolution=120).clean()))
+    return Triangulated(Surface.from_pyvista(pv.Sphere(radius=RADIUS, center=CENTRE, theta_resolution=120, phi_resolution=120).clean()))
 
 
 def around(depth: float = 2e-3) -> np.ndarray:
@@ -83,9 +79,20 @@ def test_far_away(ball: Triangulated) -> None:
     assert not H[0].any()
 
 
+def test_much_finer_than_the_grid() -> None:
+    """A surface of 60 000 triangles is simplified first, which the distance does not notice."""
+    coarse, fine = (
+        Triangulated(Surface.from_pyvista(pv.Sphere(radius=0.01, theta_resolution=n, phi_resolution=n).clean())) for n in (60, 180)
+    )
+    points = RNG.standard_normal((100, 3))
+    points *= (0.01 + RNG.uniform(-2e-3, 2e-3, (100, 1))) / np.linalg.norm(points, axis=1, keepdims=True)
+    np.testing.assert_allclose(fine.evaluate(points)[0], coarse.evaluate(points)[0], atol=2e-5)
+    np.testing.assert_allclose(fine.evaluate(points)[0], np.linalg.norm(points, axis=1) - 0.01, atol=2e-5)
+
+
 def test_open_surface() -> None:
     """A patch repels from its front and pushes back from just behind it, but not what is beside its rim."""
-    patch = Triangulated(surface_of(pv.Plane(i_size=0.02, j_size=0.02, i_resolution=4, j_resolution=4).triangulate()))
+    patch = Triangulated(Surface.from_pyvista(pv.Plane(i_size=0.02, j_size=0.02, i_resolution=4, j_resolution=4).triangulate()))
     points = np.array([[0, 0, 1e-3], [0.003, 0.002, -1e-3], [0.0125, 0, -0.5e-3], [0.0125, 0, 0.5e-3]])
     np.testing.assert_allclose(patch.evaluate(points)[0], [1e-3, -1e-3, 2.55e-3, 2.55e-3], atol=1e-4)
 
@@ -113,7 +120,7 @@ def test_orientation(tongue: tf.TongueMesh) -> None:
         (lambda: Plane((0, 0, float("nan")), (0, 0, 1)), "three numbers"),
         (lambda: Sphere((0, 0, 0), -1.0), "a positive length"),
         (lambda: Triangulated(Surface(np.zeros((3, 3)), np.empty((0, 3), dtype=np.int64))), "no triangles"),
-        (lambda: Triangulated(surface_of(pv.Cube().triangulate()), spacing=1e-3, band=2e-3), "at least 4 of it"),
+        (lambda: Triangulated(Surface.from_pyvista(pv.Cube().triangulate()), spacing=1e-3, band=2e-3), "at least 4 of it"),
     ],
 )
 def test_bad_obstacles(wrong: object, message: str) -> None:

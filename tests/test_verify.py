@@ -116,7 +116,7 @@ def _stiffer_neo_hookean(patch: pytest.MonkeyPatch) -> None:
 def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
     right = motion._on_ranks
     changed = ("tissue.c10=201.6",)
-    patch.setattr(motion, "_on_ranks", lambda n, home, end: right(n, home, end, changed if n == 2 else ()))
+    patch.setattr(motion, "_on_ranks", lambda n, home, end, changes: right(n, home, end, (*changes, *(changed if n == 2 else ()))))
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
         ("time", _other_gamma, 3),
         ("decay", _more_damping, 1),
         ("contraction", _wrong_energy, 1),
-        ("ranks", _stiffer_on_two_ranks, 1),
+        ("ranks", _stiffer_on_two_ranks, 2),
         ("contact", _stiffer_tangent, 4),
         ("pressed", _stiffer, 3),
         ("hertz", _stiffer_neo_hookean, 1),

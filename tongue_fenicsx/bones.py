@@ -133,7 +133,7 @@ def _solid(field: Field, lower: tuple[float, ...], upper: tuple[float, ...], spa
     )
     grid["field"] = -field(np.asarray(grid.points, dtype=float))
     mesh = grid.contour([0.0], scalars="field").clean(tolerance=1e-4).smooth_taubin(n_iter=40)
-    surface = Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
+    surface = Surface.from_pyvista(mesh)
     return surface if surface.volume > 0 else Surface(surface.points, surface.triangles[:, ::-1].copy())
 
 

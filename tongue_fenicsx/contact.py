@@ -9,7 +9,9 @@ The factor P − λ is nil where the conditions hold, so any δP is consistent: 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +42,8 @@ NITSCHE = 100.0
 NEAR = 1e-3
 """Gap in m beyond which θ has no effect: elsewhere the surface may bear another obstacle or a roller, so that λ is not nil."""
 AUGMENTATIONS = 5
+SOFTER = 10.0
+"""How much softer obstacles are in the first stage of a step whose solve fails."""
 DEGREE = 4
 """Of the quadrature on the surface: six points on each triangle."""
 
@@ -82,9 +86,9 @@ class Contact:
     @property
     def description(self) -> list[object]:
         """What makes the contact, in plain numbers and names."""
-        probe = np.array([[0.0, 0.0, 0.0], [0.01, 0.02, 0.03], [-0.02, 0.01, 0.0]])
         motion = None if self.motion is None else asdict(self.motion)
-        return [self.form, self.theta, self.stiffness, self.tolerance, self.touching, motion, self.obstacle.evaluate(probe)[0].tolist()]
+        shape = hashlib.sha256(np.ascontiguousarray(self.obstacle.surface.points).tobytes()).hexdigest()
+        return [self.form, self.theta, self.stiffness, self.tolerance, self.touching, motion, shape]
 
     def __post_init__(self) -> None:
         if self.form not in FORMS:
@@ -98,20 +102,27 @@ class Contact:
 
 @dataclass(frozen=True)
 class Touch:
-    """What an obstacle does to the tongue: force (3,) in N, area in m², largest pressure in Pa and penetration in m."""
+    """What an obstacle does to the tongue, and where it is: what was at X is at `rotation` X + `offset`.
+
+    Force (3,) in N, area in m², largest pressure in Pa, penetration in m, rotation (3, 3), offset (3,) in m.
+    """
 
     force: Floats
     area: float
     pressure: float
     penetration: float
+    rotation: Floats
+    offset: Floats
 
     @property
     def numbers(self) -> Floats:
-        """All six, in this order."""
-        return np.array([*self.force, self.area, self.pressure, self.penetration])
+        """All 18, in this order."""
+        return np.array([*self.force, self.area, self.pressure, self.penetration, *self.rotation.ravel(), *self.offset])
 
 
-TOUCH_COLUMNS: dict[str, Any] = {"force": slice(0, 3), "area": 3, "pressure": 4, "penetration": 5}
+TOUCH_COLUMNS: dict[str, Any] = {
+    "force": slice(0, 3), "area": 3, "pressure": 4, "penetration": 5, "rotation": slice(6, 15), "offset": slice(15, 18)
+}  # fmt: skip
 """Where each stands in `Touch.numbers`."""
 
 
@@ -119,7 +130,7 @@ def touches_summary(rows: list[Floats]) -> dict[str, float]:
     """Largest force, area, pressure and penetration of the `Touch.numbers` of all times."""
     table = np.array(rows)
     largest = {"force_max_N": np.linalg.norm(table[:, :3], axis=1).max()}
-    largest |= zip(("area_max_m2", "pressure_max_Pa", "penetration_max_m"), table[:, 3:].max(axis=0), strict=True)
+    largest |= zip(("area_max_m2", "pressure_max_Pa", "penetration_max_m"), table[:, 3:6].max(axis=0), strict=True)
     return {name: float(value) for name, value in largest.items()}
 
 
@@ -136,7 +147,7 @@ class _Term:
         self.gap, self.normal, self.curvature, self.multiplier = function(()), function((3,)), function((3, 3)), function(())
         self.gamma = fem.Constant(surface, default_scalar_type(1 / (contact.stiffness * scale)))
         self.allowed: Floats = np.zeros(0)
-        self.placed: Obstacle = contact.obstacle
+        self.placed = Moved(contact.obstacle, np.eye(3), np.zeros(3))
 
     def set_time(self, t: float) -> None:
         """Put the obstacle where its bone is at time `t` (s)."""
@@ -264,6 +275,17 @@ class ContactSet:
                 again = True
         return again
 
+    @contextmanager
+    def softened(self) -> Iterator[None]:
+        """Make all obstacles `SOFTER` times as soft, so that less of them touches and pushes at once."""
+        for term in self.terms.values():
+            term.gamma.value *= SOFTER
+        try:
+            yield
+        finally:
+            for term in self.terms.values():
+                term.gamma.value /= SOFTER
+
     def _penetration(self, term: _Term) -> float:
         gap = term.gap.x.array[term.gap.function_space.dofmap.list[self._cells].ravel()]
         return float(self._comm.allreduce(float(max(-gap.min(initial=0.0), 0.0)), op=MPI.MAX))
@@ -329,11 +351,14 @@ class ContactMeasures:
             pressure = np.divide(load, area, out=np.zeros_like(load), where=area > 0)
             self.forces += forces
             self.pressure += pressure
+            term = self._weak.contacts.terms[name]
             self.touches[name] = Touch(
                 np.asarray(self._comm.allreduce(forces.sum(axis=0))),
                 float(self._comm.allreduce(float(area.sum()))),
                 float(self._comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)),
-                self._weak.contacts._penetration(self._weak.contacts.terms[name]),
+                self._weak.contacts._penetration(term),
+                term.placed.rotation,
+                term.placed.offset,
             )
 
 

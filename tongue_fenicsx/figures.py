@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,27 +16,23 @@ import pyvista as pv
 from matplotlib.collections import LineCollection
 from vtkmodules.vtkCommonCore import vtkLogger
 
+from .epg import ELECTRODES
 from .fibres import Floats
+from .grids import grids, skin
+from .surface import Surface
 
 if TYPE_CHECKING:
+    from .epg import Electropalatogram
     from .results import Run
 
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
 
 COLOURS = "viridis"
+BONE = "#b3926a"
+FRAMES = 24
+"""How many electropalatograms are drawn at most."""
 PROBES = ("tip", "dorsum", "root")
 """Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
-
-
-def _grid(run: Run, index: int = -1) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]:
-    """The tongue at rest and deformed at an output, with ``displacement`` in mm as point data; lengths in mm."""
-    points, cells = run.mesh
-    u = 1e3 * run.field("displacement", index)
-    rest = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, 1e3 * points)
-    rest["displacement"] = np.linalg.norm(u, axis=1)
-    deformed = rest.copy()
-    deformed.points = rest.points + u
-    return rest, deformed
 
 
 def _section(grid: pv.UnstructuredGrid) -> pv.PolyData:
@@ -49,9 +46,19 @@ def _outline(section: pv.PolyData) -> list[Floats]:
     return [np.asarray(edges.points)[line][:, [0, 2]] for line in lines]
 
 
-def midsagittal(run: Run, index: int = -1) -> Path:
-    """The mid-sagittal section at rest and deformed, coloured by displacement, as PNG and PDF."""
-    rest, deformed = _grid(run, index)
+def _bone_lines(surface: Surface) -> list[Floats]:
+    """Where the mid-sagittal plane cuts a bone, lines (2, 2) in mm."""
+    cut = surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-7, 0.0))
+    return [1e3 * np.asarray(cut.points)[line][:, [0, 2]] for line in cut.lines.reshape(-1, 3)[:, 1:]]
+
+
+def midsagittal(run: Run, index: int | None = None) -> Path:
+    """The mid-sagittal section at rest and deformed, coloured by displacement, with the obstacles, as PNG and PDF.
+
+    By default at the output at which the tongue is farthest from rest.
+    """
+    index = run.farthest if index is None else index
+    rest, deformed = grids(run, index)
     before, after = _section(rest), _section(deformed)
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.8), sharex=True, sharey=True, layout="constrained")
     left.add_collection(LineCollection(_outline(before), colors="0.2", linewidths=1.4))
@@ -62,33 +69,45 @@ def midsagittal(run: Run, index: int = -1) -> Path:
     )
     right.add_collection(LineCollection(_outline(before), colors="0.5", linewidths=1.0, linestyles="--"))
     right.set_title(f"at {1e3 * _time(run, index):.0f} ms (dashed: rest)")
-    for axes in (left, right):
+    for axes, moment in ((left, 0), (right, index)):
         axes.set_aspect("equal")
         axes.set_xlabel("← front    x in mm    back →")
+        for surface in run.obstacles(moment).values():
+            axes.add_collection(LineCollection(_bone_lines(surface), colors=BONE, linewidths=1.6))
     left.set_ylabel("z in mm")
     left.autoscale_view()
+    if run.contact:  # bones reach far
+        (x, _, z), (x_end, _, z_end) = (f(np.vstack([rest.points, deformed.points]), axis=0) for f in (np.min, np.max))
+        left.set(xlim=(x - 8, x_end + 8), ylim=(z - 8, z_end + 12))
     figure.colorbar(image, ax=[left, right], label="displacement in mm", shrink=0.8)
     figure.suptitle(_title(run))
+    figure.get_layout_engine().set(h_pad=0.1)
     return _save(figure, run, "midsagittal")
 
 
-def view3d(run: Run, index: int = -1) -> Path:
-    """The deformed tongue from the front left, coloured by displacement, in its transparent rest shape."""
-    rest, deformed = _grid(run, index)
+def view3d(run: Run, index: int | None = None) -> Path:
+    """The deformed tongue from the front left, coloured by displacement, in its transparent rest shape and among the obstacles.
+
+    By default at the output at which the tongue is farthest from rest.
+    """
+    index = run.farthest if index is None else index
+    rest, deformed = grids(run, index)
     path = run.folder / "figures" / "view3d.png"
     path.parent.mkdir(exist_ok=True)
     plotter = pv.Plotter(off_screen=True, window_size=(1200, 900))
     try:
         plotter.set_background("white")
         plotter.add_mesh(
-            _skin(deformed),
+            skin(deformed),
             scalars="displacement",
             cmap=COLOURS,
             smooth_shading=True,
             clim=(0.0, max(float(deformed["displacement"].max()), 1e-6)),
             scalar_bar_args={"title": "displacement in mm\n", "color": "black", "fmt": "%.1f", "n_labels": 5},
         )
-        plotter.add_mesh(_skin(rest), color="gray", opacity=0.18, smooth_shading=True)
+        plotter.add_mesh(skin(rest), color="gray", opacity=0.18, smooth_shading=True)
+        for surface in run.obstacles(index).values():
+            plotter.add_mesh(surface.to_pyvista().scale(1e3, inplace=False), color=BONE, opacity=0.25, smooth_shading=True)
         plotter.add_text(f"{_title(run)}, {1e3 * _time(run, index):.0f} ms", font_size=11, color="black")
         plotter.view_vector((-1.2, -1.0, 0.55), viewup=(0, 0, 1))
         plotter.camera.zoom(1.35)
@@ -96,10 +115,6 @@ def view3d(run: Run, index: int = -1) -> Path:
     finally:
         plotter.close()
     return path
-
-
-def _skin(grid: pv.UnstructuredGrid) -> pv.PolyData:
-    return grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=1)
 
 
 def trajectories(run: Run) -> Path:
@@ -121,6 +136,54 @@ def trajectories(run: Run) -> Path:
         axes.legend(fontsize=8)
     figure.suptitle(_title(run))
     return _save(figure, run, "trajectories")
+
+
+def contact(run: Run) -> Path:
+    """Force and area of contact with each obstacle over time, as PNG and PDF."""
+    figure, (force, area) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    for name, touch in run.contact.items():
+        force.plot(1e3 * run.time, np.linalg.norm(touch["force"], axis=1), label=name)
+        area.plot(1e3 * run.time, 1e6 * touch["area"], label=name)
+    force.set(xlabel="time in ms", ylabel="force in N", title="force of contact")
+    area.set(xlabel="time in ms", ylabel="area in mm²", title="area of contact")
+    for axes in (force, area):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.suptitle(_title(run))
+    return _save(figure, run, "contact")
+
+
+def electropalatogram(run: Run, record: Electropalatogram) -> Path:
+    """The electropalatograms from first to last contact, front at the top; where the electrodes lie; how many are on over time."""
+    touched = np.flatnonzero(record.on.any(axis=1))
+    first, last = (touched[0], touched[-1]) if len(touched) else (0, len(record.time) - 1)
+    moments = np.unique(np.linspace(max(first - 1, 0), min(last + 1, len(record.time) - 1), FRAMES).round().astype(int))
+    columns = FRAMES // 2
+    rows = -(-len(moments) // columns)
+    figure = plt.figure(figsize=(13, 3.6 + 1.3 * rows), layout="constrained")
+    frames, below = figure.subfigures(2, 1, height_ratios=[1.3 * rows, 3.2])
+    corner = np.array([row > 0 or 0 < column < 7 for row in range(8) for column in range(8)]).reshape(8, 8)
+    y, x = np.nonzero(corner)
+    for axes, moment in zip_longest(frames.subplots(rows, columns, squeeze=False).ravel(), moments):
+        if moment is None:
+            axes.set_axis_off()
+            continue
+        on = record.grid(int(moment))[corner]
+        axes.scatter(x[~on], y[~on], s=3, color="0.7")
+        axes.scatter(x[on], y[on], s=26, color="black", marker="s")
+        axes.set(xlim=(-0.8, 7.8), ylim=(7.8, -0.8), aspect="equal", xticks=[], yticks=[])
+        axes.set_title(f"{1e3 * record.time[moment]:.0f} ms", fontsize=8)
+    palate, count = below.subplots(1, 2, width_ratios=[1, 2])
+    lateral, frontal = 1e3 * record.places[:, 1], 1e3 * record.places[:, 0]
+    share = palate.scatter(lateral, frontal, c=100 * record.on.mean(axis=0), cmap="magma_r", edgecolor="0.4")
+    palate.set(aspect="equal", xlabel="← left    y in mm    right →", ylabel="← back    x in mm    front →")
+    palate.invert_yaxis()
+    below.colorbar(share, ax=palate, label="% of the time on")
+    count.step(1e3 * record.time, record.on.sum(axis=1), where="mid", color="black")
+    count.set(xlabel="time in ms", ylabel=f"electrodes on, of {len(ELECTRODES)}", ylim=(0, None))
+    count.grid(alpha=0.3)
+    figure.suptitle(f"{_title(run)}: virtual electropalatogram")
+    return _save(figure, run, "epg")
 
 
 def _time(run: Run, index: int) -> float:

@@ -488,5 +488,4 @@ def _write_h5(anatomy: Anatomy, mesh: Tetrahedra, fields: dict[str, MuscleField]
         for name, point in landmarks.items():
             file.create_dataset(f"landmarks/{name}", data=point)
         for name, bone in anatomy.bones.items():
-            file.create_dataset(f"bones/{name}/points", data=bone.points, compression="gzip")
-            file.create_dataset(f"bones/{name}/triangles", data=bone.triangles.astype(np.int32), compression="gzip")
+            bone.write(file.create_group(f"bones/{name}"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import pyvista as pv
 from scipy import ndimage
 
 from .errors import InputError
@@ -21,6 +22,11 @@ B_SPLINE = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]
 
 class Obstacle(Protocol):
     """What the tongue cannot enter."""
+
+    @property
+    def surface(self) -> Surface:
+        """Its surface at rest, for pictures; of an endless one a part."""
+        ...
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """Gap (n,) in m, its gradient (n, 3) and Hessian (n, 3, 3) in 1/m at points (n, 3) in m, the obstacle at rest."""
@@ -52,6 +58,11 @@ class Plane:
         _check_three("plane", "normal", self.normal)
         if not np.any(self.normal):
             raise InputError("plane: the normal [0, 0, 0] has no direction.")
+
+    @property
+    def surface(self) -> Surface:
+        """A square of 10 cm about the point."""
+        return Surface.from_pyvista(pv.Plane(center=self.point, direction=self.normal, i_size=0.1, j_size=0.1).triangulate())
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """See `Obstacle.evaluate`."""
@@ -87,6 +98,11 @@ class Sphere:
         if not (np.isfinite(self.radius) and self.radius > 0):
             raise InputError(f"sphere: the radius is {self.radius}; a positive length is expected.")
 
+    @property
+    def surface(self) -> Surface:
+        """The sphere as triangles."""
+        return Surface.from_pyvista(pv.Sphere(radius=self.radius, center=self.centre, theta_resolution=60, phi_resolution=60))
+
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """See `Obstacle.evaluate`."""
         away = points - self.centre
@@ -113,6 +129,11 @@ class Moved:
     obstacle: Obstacle
     rotation: Floats
     offset: Floats
+
+    @property
+    def surface(self) -> Surface:
+        """Where its surface is now."""
+        return self.obstacle.surface.moved(lambda X: X @ self.rotation.T + self.offset)
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """See `Obstacle.evaluate`, at points in space."""
@@ -150,11 +171,12 @@ class Triangulated:
             raise InputError("obstacle: the surface has no triangles.")
         if not (0 < 4 * spacing <= band < np.inf):
             raise InputError(f"obstacle: spacing {spacing} m and band {band} m; a positive spacing and at least 4 of it are expected.")
-        self.spacing, self.band = spacing, band
+        self.surface, self.spacing, self.band = surface, spacing, band
         margin = band + 2 * spacing
         self._origin = surface.points.min(axis=0) - margin
         shape = np.ceil((np.ptp(surface.points, axis=0) + 2 * margin) / spacing).astype(np.int64) + 1
-        self._coefficients = ndimage.spline_filter(self._sample(surface, shape), order=3)
+        self._values = self._sample(_simplified(surface, spacing), shape)
+        self._coefficients = ndimage.spline_filter(self._values, order=3)
 
     def _sample(self, surface: Surface, shape: Ints) -> Floats:
         """The signed distance at all nodes of the grid, clamped to ± one band."""
@@ -178,6 +200,8 @@ class Triangulated:
         hessian = np.zeros((len(points), 3, 3))
         place = (points - self._origin) / self.spacing
         within = np.flatnonzero(np.all((place >= 1) & (place < np.array(self._coefficients.shape) - 2), axis=1))
+        at_node = self._values[tuple(np.rint(place[within]).astype(np.int64).T)]
+        within = within[at_node <= 0.8 * self.band + self.spacing]  # the others are farther
         D = self._derivatives(place[within])
         near = D[:, 0, 0, 0] <= 0.8 * self.band
         within, D = within[near], D[near]
@@ -201,6 +225,13 @@ class Triangulated:
         D = D @ weights[:, None, 2].swapaxes(2, 3)
         D = weights[:, None, 1] @ D
         return np.asarray(weights[:, 0] @ D.reshape(-1, 4, 9)).reshape(-1, 3, 3, 3)
+
+
+def _simplified(surface: Surface, spacing: float) -> Surface:
+    """The surface with fewer triangles, where they are much finer than the grid (quadric decimation, Garland and Heckbert 1997)."""
+    mesh = surface.to_pyvista()
+    wanted = 4 * mesh.area / spacing**2
+    return surface if mesh.n_cells <= 2 * wanted else Surface.from_pyvista(mesh.decimate(1 - wanted / mesh.n_cells).clean())
 
 
 def _beside_rim(surface: Surface, points: Floats) -> Floats:

@@ -105,7 +105,7 @@ class Profile:
         grid = pv.ImageData(dimensions=(len(x), len(y), len(z)), spacing=(spacing,) * 3, origin=(x[0], 0.0, z[0]))
         grid["level"] = (h2.reshape(len(x), 1, len(z)) - y[None, :, None] ** 2).ravel(order="F")
         mesh = grid.contour([0.0], scalars="level").clean(tolerance=1e-3)
-        return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
+        return Surface.from_pyvista(mesh)
 
 
 def parametric_tongue(shape: TongueShape | None = None, split: Collection[str] = ()) -> Anatomy:

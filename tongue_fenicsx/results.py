@@ -11,6 +11,7 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -24,6 +25,7 @@ from .contact import TOUCH_COLUMNS
 from .errors import InputError, reading
 from .fibres import Floats
 from .measures import ENERGIES, Balance
+from .surface import Surface
 from .timestep import State
 from .tonguemesh import on_rank_zero
 
@@ -111,8 +113,9 @@ STATE = ("u", "v", "acceleration", "auxiliary", "pressure")
 """Arrays of a `State`."""
 
 RUN_FILES = [
-    "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5",
-    *(f"figures/{name}" for name in ("midsagittal.png", "midsagittal.pdf", "view3d.png", "trajectories.png", "trajectories.pdf")),
+    "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5", "epg.csv",
+    *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg") for kind in ("png", "pdf")),
+    "figures/view3d.png",
 ]  # fmt: skip
 """What a run folder holds."""
 
@@ -137,8 +140,8 @@ class RunWriter:
         self.rows: list[dict[str, Any]] = []
         self._times: list[float] = []
 
-    def start(self) -> None:
-        """Begin a new run: forget what the folder held."""
+    def start(self, obstacles: Mapping[str, Surface]) -> None:
+        """Begin a new run, with the surfaces of obstacles at rest: forget what the folder held."""
         if not self._root:
             return
         for name in ("checkpoint.h5", "history.h5", "summary.json"):
@@ -146,6 +149,8 @@ class RunWriter:
         with h5py.File(self.folder / "fields.h5", "w") as file:
             file["mesh/points"] = self.numbering.points
             file["mesh/cells"] = self.numbering.cells.astype(np.int32)  # type: ignore[union-attr]
+            for name, surface in obstacles.items():
+                surface.write(file.create_group(f"obstacles/{name}"))
 
     def record(self, row: dict[str, Any]) -> None:
         """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``volume_ratio``, the energies, and by name the numbers
@@ -284,8 +289,8 @@ class RunWriter:
         with reading(path, expected), h5py.File(path, "r+") as file:
             if len(file["mesh/points"]) != len(self.numbering.points):
                 raise ValueError("it holds another mesh")
-            for group in file.values():
-                for name in [n for n in group if n.isdigit() and int(n) >= len(stored["times"])]:
+            for key, group in file.items():
+                for name in [n for n in group if key != "obstacles" and n.isdigit() and int(n) >= len(stored["times"])]:
                     del group[name]
         return stored
 
@@ -324,7 +329,8 @@ class Run:
     support : dict
         Bonded surface to the force (n_t, 3) in N that its bone exerts on the tongue.
     contact : dict
-        Obstacle to ``force`` (n_t, 3) in N on the tongue, ``area`` in m², ``pressure`` (largest) in Pa, ``penetration`` in m.
+        Obstacle to ``force`` (n_t, 3) in N on the tongue, ``area`` in m², ``pressure`` (largest) in Pa, ``penetration`` in m,
+        and its place, ``rotation`` (n_t, 9) and ``offset`` (n_t, 3) in m.
     volume_ratio : (n_t,) float array
         Volume over rest volume.
 
@@ -367,6 +373,23 @@ class Run:
         with h5py.File(self.folder / "fields.h5", "r") as file:
             return file["mesh/points"][:], file["mesh/cells"][:].astype(np.int64)
 
+    @cached_property
+    def farthest(self) -> int:
+        """The output at which the tongue is farthest from rest."""
+        return int(np.argmax([(self.field("displacement", index) ** 2).sum() for index in range(len(self.output_times))]))
+
+    def obstacles(self, index: int = -1) -> dict[str, Surface]:
+        """The surfaces of the obstacles where they are at the output `index`."""
+        time = self.output_times[index]
+        with h5py.File(self.folder / "fields.h5", "r") as file:
+            surfaces = {name: Surface.read(group) for name, group in file.get("obstacles", {}).items()}
+        row = int(np.argmin(abs(self.time - time)))
+
+        def place(surface: Surface, of: dict[str, Floats]) -> Surface:
+            return surface.moved(lambda X: X @ of["rotation"][row].reshape(3, 3).T + of["offset"][row])
+
+        return {name: place(surface, self.contact[name]) for name, surface in surfaces.items()}
+
     def plot_trajectories(self) -> Path:
         """Draw the probe trajectories into ``figures/`` and return the file."""
         from . import figures
@@ -376,6 +399,15 @@ class Run:
     def plot(self) -> list[Path]:
         """Draw all figures of the run into ``figures/`` and return the files."""
         from . import figures
+        from .epg import PALATES, electropalatogram
 
         paths = [figures.midsagittal(self), figures.view3d(self)]
-        return [*paths, figures.trajectories(self)] if self.probes else paths
+        if self.probes:
+            paths.append(figures.trajectories(self))
+        if self.contact:
+            paths.append(figures.contact(self))
+        if PALATES.intersection(self.contact):
+            record = electropalatogram(self)
+            record.write(self.folder / "epg.csv")
+            paths.append(figures.electropalatogram(self, record))
+        return paths

@@ -235,7 +235,8 @@ class _Loop:
             self.measures.resume(balance)
             self.say(f"resumed at t = {state.t:.6f} s")
         else:
-            on_rank_zero(self.comm, self.writer.start)
+            obstacles = {name: contact.obstacle.surface for name, contact in self.model.contacts.items()}
+            on_rank_zero(self.comm, lambda: self.writer.start(obstacles))
             self._set_time(0.0)
             if not self.stepping.quasi_static:
                 initial = self._solver.acceleration(self.measures.forces())
@@ -305,10 +306,8 @@ class _Loop:
         before = self.scheme.state
         t = before.t + h if before.t + 1.5 * h < target else target
         self._set_time(t)
-        self.scheme.begin(h)
-        self.weak.hold()
         assert self._solver is not None
-        self._outcome = self._solve()
+        self._outcome = self._solve(h)
         self.counters["newton_iterations"] += self._outcome.newton
         self.counters["krylov_iterations"] += self._outcome.krylov
         good = self._outcome.converged
@@ -324,16 +323,29 @@ class _Loop:
             self.scheme.restore(before)
         return good
 
-    def _solve(self) -> Outcome:
-        """Solve the step, again with augmented contact where the tongue is too deep in an obstacle."""
+    def _solve(self, h: float) -> Outcome:
+        """Solve a step of `h`: if that fails in contact, from where softer obstacles stop the tongue; and again with augmented
+        contact where it is too deep in one."""
         assert self._solver is not None
+        contacts = self.weak.contacts
+        self._begin(h)
         outcome = self._solver.solve()
+        if contacts.terms and not outcome.converged:
+            self._begin(h)
+            with contacts.softened():
+                outcome = outcome.then(self._solver.solve())
+            if outcome.converged:
+                outcome = outcome.then(self._solver.solve())
         for _ in range(AUGMENTATIONS):
-            if not (outcome.converged and self.weak.contacts.augment()):
+            if not (outcome.converged and contacts.augment()):
                 break
-            again = self._solver.solve()
-            outcome = replace(again, newton=outcome.newton + again.newton, krylov=outcome.krylov + again.krylov)
+            outcome = outcome.then(self._solver.solve())
         return outcome
+
+    def _begin(self, h: float) -> None:
+        """Make `u` the first guess of a step of `h`."""
+        self.scheme.begin(h)
+        self.weak.hold()
 
     def _accurate(self, before: State) -> bool:
         """Whether the step meets the tolerance, nearly; steps of the least length always do."""

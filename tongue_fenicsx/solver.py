@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,10 @@ class Outcome:
     krylov: int
     rung: str
     reason: str
+
+    def then(self, after: Outcome) -> Outcome:
+        """What a solve and one `after` it did together."""
+        return replace(after, newton=self.newton + after.newton, krylov=self.krylov + after.krylov)
 
 
 class Newton:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pymeshfix
 import pyvista as pv
@@ -43,6 +44,16 @@ class Surface:
     def __post_init__(self) -> None:
         if len(self.labels) == 0:
             object.__setattr__(self, "labels", np.full(len(self.triangles), "free", dtype=LABEL))
+
+    @classmethod
+    def read(cls, group: h5py.Group) -> Surface:
+        """The surface that `write` put into an HDF5 group."""
+        return cls(group["points"][:], group["triangles"][:].astype(np.int64))
+
+    def write(self, group: h5py.Group) -> None:
+        """Put points and triangles into an HDF5 group."""
+        group.create_dataset("points", data=self.points, compression="gzip")
+        group.create_dataset("triangles", data=self.triangles.astype(np.int32), compression="gzip")
 
     @property
     def volume(self) -> float:
@@ -92,6 +103,11 @@ class Surface:
         near[near] = self.signed_distance(points[near]) <= tolerance
         return near
 
+    @classmethod
+    def from_pyvista(cls, mesh: pv.PolyData) -> Surface:
+        """The triangles of a `pyvista.PolyData`, coordinates in m."""
+        return cls(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
+
     def to_pyvista(self) -> pv.PolyData:
         """The same surface as a `pyvista.PolyData`."""
         return pv.PolyData.from_regular_faces(self.points, self.triangles)
@@ -116,7 +132,7 @@ def read_surface(path: Path) -> Surface:
         raise InputError(f"{path}: a coordinate is not a finite number.")
     if mesh.n_cells == 0:
         raise InputError(f"{path}: holds no triangles; a surface in STL, OBJ, PLY, VTP or VTU is expected.")
-    return Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
+    return Surface.from_pyvista(mesh)
 
 
 def closed(surface: Surface, source: Path) -> tuple[Surface, str | None]:

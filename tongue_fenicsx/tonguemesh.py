@@ -227,7 +227,7 @@ def _read_h5(path: Path) -> dict[str, Any] | None:
             "name": str(file.attrs["name"]),
             "cells": file["cells"][:],
             "muscles": {name: _tree(group) for name, group in file.get("muscles", {}).items()},
-            "bones": {name: Surface(**_tree(group)) for name, group in file.get("bones", {}).items()},
+            "bones": {name: Surface.read(group) for name, group in file.get("bones", {}).items()},
             "landmarks": {name: data[:] for name, data in file.get("landmarks", {}).items()},
         }
         if stored["cells"].ndim != 2 or stored["cells"].shape[1] != 4:

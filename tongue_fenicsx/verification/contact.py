@@ -175,8 +175,7 @@ def triangles() -> Iterator[Row]:
         ]
     )
     mesh = pv.Sphere(radius=0.005, center=(0.015, 0.005, 0.0152), theta_resolution=200, phi_resolution=200)
-    surface = Surface(np.asarray(mesh.points, dtype=float), mesh.regular_faces.astype(np.int64))
-    balls: tuple[Obstacle, Obstacle] = (Sphere((0.015, 0.005, 0.0152), 0.005), Triangulated(surface, spacing=0.4e-3))
+    balls: tuple[Obstacle, Obstacle] = (Sphere((0.015, 0.005, 0.0152), 0.005), Triangulated(Surface.from_pyvista(mesh), spacing=0.4e-3))
     times, forces = np.linspace(0, 0.15, 31), []
     for ball in balls:
         met = {"ball": Contact(ball, motion=path)}

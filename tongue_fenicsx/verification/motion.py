@@ -171,22 +171,28 @@ def contraction(end: float = 0.35, step: float = 5e-3) -> Iterator[Row]:
 
 
 def ranks(counts: tuple[int, ...] = (2, 4), end: float = 0.02) -> Iterator[Row]:
-    """The same scenario on one rank and on several, with fixed steps and tight tolerances: the same motion."""
-    case = f"1 and {' and '.join(map(str, counts))} ranks, tight tolerances"
-    if MPI.COMM_WORLD.size > 1:
-        yield Row(case, "the same probes", float("nan"), 1e-8, "runs only from one rank", skipped=True)
-        return
+    """The same scenario on one rank and on several, with fixed steps and tight tolerances: the same motion, also against a plane."""
+    roof = "contact.roof.plane={point=[0.0, 0.0, 0.0394], normal=[0.0, 0.0, -1.0]}"
+    strong = "activation.GGP.pieces=[[0.02, 0.0, 1.0]]"
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
-        _tongue(home, 1e-2)
-        found = {n: _on_ranks(n, home, end) for n in (1, *counts)}
-    scale = max(abs(path).max() for path in found[1].values())
-    gaps = [max(float(abs(found[n][name] - path).max()) for name, path in found[1].items()) / scale for n in counts]
-    yield Row(case, "the same probes", max(gaps), 1e-8, f"of {1e3 * scale:.2f} mm")
+        if MPI.COMM_WORLD.size == 1:
+            _tongue(home, 1e-2)
+        for name, several, changes, limit in (("", counts, (), 1e-8), (", in contact", counts[:1], (roof, strong), 1e-6)):
+            case = f"1 and {' and '.join(map(str, several))} ranks, tight tolerances{name}"
+            if MPI.COMM_WORLD.size > 1:
+                yield Row(case, "the same probes", float("nan"), limit, "runs only from one rank", skipped=True)
+                continue
+            found = {n: _on_ranks(n, home, end, changes) for n in (1, *several)}
+            scale = max(abs(path).max() for path in found[1].probes.values())
+            gaps = [max(float(abs(found[n].probes[probe] - path).max()) for probe, path in found[1].probes.items()) for n in several]
+            force = found[1].summary["contact_force_max_N"]
+            note = f"of {1e3 * scale:.2f} mm" + (f", {force:.2g} N" if changes else "")
+            yield Row(case, "the same probes", max(gaps) / scale, limit, note)
 
 
-def _on_ranks(n: int, home: Path, end: float, changes: tuple[str, ...] = ()) -> dict[str, Floats]:
-    """Probes of GGP on the tongue in `home`, run by `mpiexec` on `n` ranks."""
+def _on_ranks(n: int, home: Path, end: float, changes: tuple[str, ...] = ()) -> Run:
+    """GGP on the tongue in `home`, run by `mpiexec` on `n` ranks."""
     (home / "ranks.toml").write_text(
         f"""[mesh]
 file = "tongue.msh"
@@ -209,4 +215,4 @@ pieces = [[0.02, 0.0, 0.2]]
     )
     if done.returncode != 0:
         raise InputError(f"mpiexec -n {n}: failed with exit code {done.returncode}: {' '.join((done.stdout + done.stderr).split())[-300:]}")
-    return Run(home / f"on_{n}").probes
+    return Run(home / f"on_{n}")
