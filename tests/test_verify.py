@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from tongue_fenicsx import active, measures, model, obstacles, passive, timestep
+from tongue_fenicsx import active, forces, measures, model, obstacles, passive, timestep
 from tongue_fenicsx.cli import main
 from tongue_fenicsx.verification import CASES, Row, calculix, motion
 
@@ -69,23 +70,25 @@ def _other_gamma(patch: pytest.MonkeyPatch) -> None:
 
 
 def _more_damping(patch: pytest.MonkeyPatch) -> None:
-    right = model.WeakForm.inertia
+    right = forces.Forces.__init__
 
-    def wrong(self: model.WeakForm, v: Any, a: Any) -> Any:
-        return right(self, 1.05 * v, a)
+    def wrong(self: forces.Forces, weak: model.WeakForm, scheme: Any) -> None:
+        weak.model = replace(weak.model, damping=replace(weak.model.damping, alpha=1.05 * weak.model.damping.alpha))
+        right(self, weak, scheme)
 
-    patch.setattr(model.WeakForm, "inertia", wrong)
+    patch.setattr(forces.Forces, "__init__", wrong)
 
 
 def _wrong_energy(patch: pytest.MonkeyPatch) -> None:
-    right = measures.Measures._energies
+    right = measures.Measures._read
 
-    def wrong(self: measures.Measures) -> None:
-        right(self)
+    def wrong(self: measures.Measures) -> Any:
+        now = right(self)
         self.balance.elastic *= 1.05
         self.balance.kinetic *= 1.05
+        return now
 
-    patch.setattr(measures.Measures, "_energies", wrong)
+    patch.setattr(measures.Measures, "_read", wrong)
 
 
 def _heavier(patch: pytest.MonkeyPatch) -> None:

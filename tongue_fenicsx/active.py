@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -110,6 +112,12 @@ class Contraction:
             raise InputError(f"optimal_stretch: {self.optimal_stretch}; a stretch from 0.5 to 2 is expected.")
         if not 0 <= self.tendon_length <= 0.05:
             raise InputError(f"tendon_length: {self.tendon_length} m; 0 to 0.05 m is expected.")
+
+    def with_constants(self, mesh: dmesh.Mesh) -> Contraction:
+        """The same law with its number as a constant of a form, so that another one compiles nothing."""
+        law = copy(self)
+        object.__setattr__(law, "optimal_stretch", fem.Constant(mesh, default_scalar_type(self.optimal_stretch)))
+        return law
 
     def stress(
         self, F: Expr, F_rate: Expr, F_frozen: Expr, direction: Expr, tension: Expr, tendon: Expr = 0.0, passive: Expr = 0.0

@@ -19,7 +19,7 @@ import basix
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import default_scalar_type, fem, la
+from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from .fibres import Floats
 from .motion import RigidMotion
 from .obstacles import Moved, Obstacle
 from .passive import Expr
+from .vectors import assembled
 
 if TYPE_CHECKING:
     from .model import WeakForm
@@ -346,8 +347,8 @@ class ContactMeasures:
         self.pressure = np.zeros(V.mesh.topology.index_map(3).size_local)
         self.touches: dict[str, Touch] = {}
         for name, (force_form, load_form, area_form) in self._forms.items():
-            forces = _assembled(force_form)[: self.forces.size].reshape(-1, 3)
-            load, area = (_assembled(form)[: len(self.pressure)] for form in (load_form, area_form))
+            forces = assembled(force_form)[: self.forces.size].reshape(-1, 3)
+            load, area = (assembled(form)[: len(self.pressure)] for form in (load_form, area_form))
             pressure = np.divide(load, area, out=np.zeros_like(load), where=area > 0)
             self.forces += forces
             self.pressure += pressure
@@ -360,9 +361,3 @@ class ContactMeasures:
                 term.placed.rotation,
                 term.placed.offset,
             )
-
-
-def _assembled(form: fem.Form) -> Floats:
-    vector = fem.assemble_vector(form)
-    vector.scatter_reverse(la.InsertMode.add)
-    return np.array(vector.array)

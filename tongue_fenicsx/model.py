@@ -157,7 +157,7 @@ class WeakForm:
     V : dolfinx.fem.FunctionSpace
         Quadratic displacement.
     u, frozen : dolfinx.fem.Function
-        Displacement, and the stand-in for it that the tangent holds fixed (see `Contraction.stress`).
+        Displacement, and the stand-in for it that is held fixed when the tangent is derived (see `Contraction.stress`).
     pressure : dolfinx.fem.Function or None
         In the mixed form, the mean stress (tension counts positive) times a typical edge over the shear modulus, in m: so
         both residuals are in N.
@@ -196,6 +196,7 @@ class WeakForm:
         self._alpha = self._constant(model.damping.alpha)
         self._beta = self._constant(model.damping.beta)
         self.gravity = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
+        self._law = model.contraction.with_constants(mesh)
         self.pressure: fem.Function | None = None
         if model.mixed:
             self.pressure = fem.Function(fem.functionspace(mesh, ("P", 1)), name="pressure")
@@ -254,13 +255,18 @@ class WeakForm:
         return self.surface_slots is None
 
     def refresh(self) -> None:
-        """Follow a change of `u`: the displacement that the tangent holds fixed, and the gaps of contact."""
-        self.frozen.x.array[:] = self.u.x.array
+        """Follow a change of `u`: the gaps of contact."""
         self.contacts.update()
 
     def compiled(self, form: Expr) -> Any:
-        """A form, or blocks of them, ready to assemble."""
-        return fem.form(form, jit_options=jit.options(), entity_maps=self.contacts.entity_maps)
+        """A form, or blocks of them, ready to assemble; `frozen` becomes `u`."""
+
+        def thawed(part: Expr) -> Expr:
+            if isinstance(part, list | tuple):
+                return [thawed(inner) for inner in part]
+            return part if part is None or self.frozen is self.u else ufl.replace(part, {self.frozen: self.u})
+
+        return fem.form(thawed(form), jit_options=jit.options(), entity_maps=self.contacts.entity_maps)
 
     def energy_density(self, F: Expr, slots: FibreSlots | None = None) -> Expr:
         """Elastic energy density Ψ in J/m³; in the mixed form Ψ_iso + p (J − 1) − p²/(2κ), stationary in p."""
@@ -283,7 +289,7 @@ class WeakForm:
     def active_stress(self, u: Expr, v: Expr) -> Expr:
         """First Piola–Kirchhoff stress of the muscles in Pa."""
         I = ufl.Identity(3)  # noqa: E741
-        return self.slots.stress(self.model.contraction, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
+        return self.slots.stress(self._law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
 
     def damping_stress(self, v: Expr) -> Expr:
         """β times the rest-state stiffness on the velocity, in Pa."""
@@ -300,7 +306,7 @@ class WeakForm:
         """First Piola–Kirchhoff stress of tissue, muscles and damping in Pa, to be taken on the surface."""
         I = ufl.Identity(3)  # noqa: E741
         assert self.surface_slots is not None
-        active = self.surface_slots.stress(self.model.contraction, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
+        active = self.surface_slots.stress(self._law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
         return self.passive_stress(u, self.surface_slots) + active + self.damping_stress(v)
 
     def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
@@ -312,43 +318,60 @@ class WeakForm:
 
     def fibre_state(self, u: Expr, v: Expr) -> list[Expr]:
         """Stretch, rate and active stress of each slot (see `FibreSlots.state`)."""
-        return self.slots.state(self.model.contraction, ufl.Identity(3) + ufl.grad(u), ufl.grad(v))
+        return self.slots.state(self._law, ufl.Identity(3) + ufl.grad(u), ufl.grad(v))
 
     def inertia(self, v: Expr, a: Expr) -> Expr:
         """Body force density ρ(ü + α v − g) in N/m³."""
         return self._density * (a + self._alpha * v - self.gravity)
 
-    def mass(self, a: Expr, w: Expr) -> Expr:
+    def weighted(self, a: Expr, w: Expr) -> Expr:
         """Inner product of an acceleration with a test function, weighted by the density and the mass of suspended bones."""
         return self._density * ufl.inner(a, w) * self.dx_mass + sum(per[0] * ufl.inner(a, w) * ds for per, ds in self._hung)
 
     def outer_work(self, u: Expr, v: Expr, w: Expr) -> list[Expr]:
         """Virtual work on `w` of each muscle that pulls from outside."""
-        return [pull.work(self.model.contraction, u, v, self.frozen, w) for pull in self.pulls]
+        return [pull.work(self._law, u, v, self.frozen, w) for pull in self.pulls]
 
-    def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
-        """Balance of forces, tested with `w`."""
+    def inner_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
+        """Virtual work of the stresses on `w`."""
         stress = self.passive_stress(u) + self.active_stress(u, v)
         if self.model.damping.beta > 0:
             stress += self.damping_stress(v)
-        form = ufl.inner(stress, ufl.grad(w)) * self.dx + ufl.inner(self.inertia(v, a), w) * self.dx_mass
-        works = [*self.outer_work(u, v, w), *self.contacts.work(u, v, w, self.ds_contact).values()]
-        return sum((-work for work in works), form)
+        return ufl.inner(stress, ufl.grad(w)) * self.dx
+
+    def active_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
+        """Virtual work of the muscles' stress on `w`."""
+        return ufl.inner(self.active_stress(u, v), ufl.grad(w)) * self.dx
+
+    def damping_work(self, v: Expr, w: Expr) -> Expr:
+        """Virtual work of the stress that damping by β makes, on `w`."""
+        return ufl.inner(self.damping_stress(v), ufl.grad(w)) * self.dx
+
+    def surface_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
+        """Virtual work on `w` of muscles from outside and of obstacles; 0 without any."""
+        return sum([*self.outer_work(u, v, w), *self.contacts.work(u, v, w, self.ds_contact).values()])
 
     def suspension(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
-        """Virtual work on `w` of the inertia and the springs of suspended bones."""
+        """Virtual work on `w` of the inertia and the springs of suspended bones; 0 without any."""
         return sum((ufl.dot(per[0] * a + per[1] * v + per[2] * u, w) * ds for per, ds in self._hung))
+
+    def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
+        """Balance of forces, tested with `w`."""
+        inertia = ufl.inner(self.inertia(v, a), w) * self.dx_mass
+        return self.inner_work(u, v, w) + inertia - self.surface_work(u, v, w) + self.suspension(u, v, a, w)
+
+    def volume_balance(self, q: Expr) -> Expr:
+        """In the mixed form, what ties pressure and volume, tested with `q`."""
+        return ufl.derivative(self.energy_density(ufl.Identity(3) + ufl.grad(self.u)) * self.dx, self.pressure, q)
 
     def equations(self, v: Expr, a: Expr) -> tuple[Expr, Expr]:
         """Residual and tangent at `u` (and `pressure`) with velocity and acceleration as functions of it; as blocks in the mixed form."""
         if self.pressure is None:
-            w = ufl.TestFunction(self.V)
-            residual = self.balance(self.u, v, a, w) + self.suspension(self.u, v, a, w)
+            residual = self.balance(self.u, v, a, ufl.TestFunction(self.V))
             return residual, ufl.derivative(residual, self.u, ufl.TrialFunction(self.V), self.contacts.derivatives())
         W = ufl.MixedFunctionSpace(self.V, self.pressure.function_space)
         (w, q), (du, dp) = ufl.TestFunctions(W), ufl.TrialFunctions(W)
-        volume = ufl.derivative(self.energy_density(ufl.Identity(3) + ufl.grad(self.u)) * self.dx, self.pressure, q)
-        residual = self.balance(self.u, v, a, w) + self.suspension(self.u, v, a, w) + volume
+        residual = self.balance(self.u, v, a, w) + self.volume_balance(q)
         tangent = ufl.derivative(residual, self.u, du, self.contacts.derivatives()) + ufl.derivative(residual, self.pressure, dp)
         return ufl.extract_blocks(residual), ufl.extract_blocks(tangent)
 
@@ -357,15 +380,6 @@ class WeakForm:
         assert self.pressure is not None
         p, q = ufl.TrialFunction(self.pressure.function_space), ufl.TestFunction(self.pressure.function_space)
         return -(self._stress**2) * (self._compressibility + 1 / self._mu) * p * q * self.dx
-
-    def densities(self, u: Expr, v: Expr) -> Expr:
-        """What energies are made of, 35 numbers per point: F, P_active, P_damping, Ψ, u, v, the tissue's stiffening."""
-        F = ufl.Identity(3) + ufl.grad(u)
-        active = ufl.replace(self.active_stress(u, v), {self.frozen: u})
-        parts = [F, active, self.damping_stress(v)]
-        flat = [P[i, j] for P in parts for i in range(3) for j in range(3)]
-        stiffening = self.slots.stiffness if self.model.contraction.stiffening else 1.0
-        return ufl.as_vector([*flat, self.energy_density(F), *(u[i] for i in range(3)), *(v[i] for i in range(3)), stiffening])
 
 
 def _typical_edge(mesh: dmesh.Mesh) -> float:

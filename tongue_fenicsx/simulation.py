@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -216,9 +215,8 @@ class _Loop:
             else GeneralizedAlpha(weak.u, self.stepping.spectral_radius, weak.pressure)
         )
         self._solver = Newton(weak, self.scheme, self.simulation.tolerances, self.say)
-        self.velocity, self.acceleration = fem.Function(weak.V, name="velocity"), fem.Function(weak.V)
-        self.measures = Measures(weak, self.velocity, self.acceleration)
-        self.extra = ExtraFields(weak, self.velocity, self.measures, self.stepping.fields)
+        self.measures = Measures(weak, self.scheme, self._solver.forces)
+        self.extra = ExtraFields(weak, self.scheme.v, self.measures, self.stepping.fields)
         self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.names)
         checkpoint = self.writer.read_checkpoint(self._identity()) if self.resume else None
         if self.comm.rank == 0:
@@ -239,7 +237,8 @@ class _Loop:
             on_rank_zero(self.comm, lambda: self.writer.start(obstacles))
             self._set_time(0.0)
             if not self.stepping.quasi_static:
-                initial = self._solver.acceleration(self.measures.forces())
+                self._solver.forces.repack()
+                initial = self._solver.acceleration(self._solver.forces.unbalanced())
                 self.scheme.restore(replace(self.scheme.state, acceleration=initial, auxiliary=initial))
             self._load_state()
             self.measures.start()
@@ -375,11 +374,8 @@ class _Loop:
         return min(step * (1.5 if self._outcome.newton <= 6 else 1.0), self.stepping.step_max)
 
     def _load_state(self) -> None:
-        state = self.scheme.state
-        self.weak.u.x.array[:] = state.u
+        self.weak.u.x.array[:] = self.scheme.state.u
         self.weak.refresh()
-        self.velocity.x.array[:] = state.v
-        self.acceleration.x.array[:] = state.acceleration
 
     def _after_step(self, target: float) -> None:
         state, outcome, c = self.scheme.state, self._outcome, self.counters

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
@@ -17,11 +17,10 @@ from petsc4py import PETSc
 
 from . import jit
 from .fibres import Floats
+from .forces import Forces, Scheme
 from .model import WeakForm
 from .rigid import RigidBodies
-from .timestep import GeneralizedAlpha, QuasiStatic
-
-Scheme = GeneralizedAlpha | QuasiStatic
+from .vectors import PackedForm, assembled
 
 DIRECT_COARSE_MAX = 12_000
 """Coarse unknowns up to which the coarse level is factorised; beyond it is smoothed by algebraic multigrid."""
@@ -86,15 +85,21 @@ class Newton:
     ----------
     ladder : tuple of str
         Linear solvers, each tried where the one before fails.
+    forces : Forces
+        Of the weak form, with the rates of the scheme.
     """
 
     def __init__(self, weak: WeakForm, scheme: Scheme, tolerances: Tolerances, log: Callable[[str], None]) -> None:
         self._u, self._bcs, self._log = weak.u, weak.bcs, log
         self._weak, self._tolerances = weak, tolerances
-        residual, tangent = weak.equations(scheme.v, scheme.acceleration)
-        self._residuals = weak.compiled(residual if weak.pressure is not None else [residual])
-        self._tangent = weak.compiled(tangent)
         V = weak.V
+        self._tangent = weak.compiled(weak.equations(scheme.v, scheme.acceleration)[1])
+        self.forces = Forces(weak, scheme)
+        suspension = weak.suspension(weak.u, scheme.v, scheme.acceleration, ufl.TestFunction(V))
+        self._suspension = weak.compiled(suspension) if isinstance(suspension, ufl.Form) else None
+        self._volume: PackedForm | None = None
+        if weak.pressure is not None:
+            self._volume = self.forces.packed(weak.volume_balance(ufl.TestFunction(weak.pressure.function_space)))
         comm = V.mesh.comm
         if weak.pressure is None:
             self._unknowns = [weak.u]
@@ -105,7 +110,6 @@ class Newton:
             self.ladder = ("fgmres+schur", "mumps")
             self._x = fem_petsc.create_vector([V, weak.pressure.function_space])
         self._b = self._x.duplicate()
-        self._parts = [fem.create_vector(function.function_space) for function in self._unknowns]
         blocks = weak.pressure is None and not weak.model.suspended  # in blocks a matrix multiplies three times as fast
         self._A = fem_petsc.create_matrix(self._tangent, kind="baij" if blocks else None)
         self._A.setOption(PETSc.Mat.Option.SYMMETRIC, weak.symmetric)
@@ -152,6 +156,7 @@ class Newton:
         newton = self._krylov = 0
         reason = ""
         guess = [function.x.array.copy() for function in self._unknowns]
+        self.forces.repack()
         for rung in self.ladder:
             self._x.array[:] = np.concatenate([values[:n] for values, n in zip(guess, self._sizes, strict=True)])
             if self._bodies is not None:
@@ -176,9 +181,9 @@ class Newton:
         """ü in m/s² (local, flat) at rest, from nodal forces (owned nodes, 3) in N that the balance without inertia leaves over."""
         weak, V = self._weak, self._u.function_space
         found = fem.Function(V)
-        if V.mesh.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) == 0:
+        if V.mesh.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) < self._tolerances.atol:
             return np.array(found.x.array)
-        M = fem_petsc.assemble_matrix(weak.compiled(weak.mass(ufl.TrialFunction(V), ufl.TestFunction(V))), bcs=self._bcs)
+        M = fem_petsc.assemble_matrix(weak.compiled(weak.weighted(ufl.TrialFunction(V), ufl.TestFunction(V))), bcs=self._bcs)
         M.assemble()
         x, b = M.createVecs()
         b.array[:] = -forces.ravel()
@@ -227,13 +232,10 @@ class Newton:
 
     def _assemble_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self._to_function(x)
-        at = 0
-        for form, part, n in zip(self._residuals, self._parts, self._sizes, strict=True):
-            part.array[:] = 0.0
-            fem.assemble_vector(part.array, form)
-            part.scatter_reverse(la.InsertMode.add)
-            b.array[at : at + n] = part.array[:n]
-            at += n
+        residual = self.forces.unbalanced().ravel()
+        if self._suspension is not None:
+            residual += assembled(self._suspension)
+        b.array[:] = residual if self._volume is None else np.concatenate([residual, self._volume.assemble()])
         if self._bodies is not None:
             self._bodies.residual(b)
         b.array[self._fixed] = 0.0

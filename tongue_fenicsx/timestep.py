@@ -114,6 +114,13 @@ class GeneralizedAlpha(_Scheme):
         velocity = float(self._v_factor.value), self._v_part.x.array
         return velocity, (float(self._a_factor.value), self._a_part.x.array)
 
+    def restore(self, state: State) -> None:
+        """Go back to a state; `v` and `acceleration` are its own until a step begins."""
+        super().restore(state)
+        for factor, part, values in ((self._v_factor, self._v_part, state.v), (self._a_factor, self._a_part, state.acceleration)):
+            factor.value = 0.0
+            part.x.array[:] = values
+
     def accept(self, t: float) -> None:
         """Make the solved displacement the new state, at time `t` (s)."""
         s, h = self.state, self._h
@@ -156,8 +163,14 @@ class QuasiStatic(_Scheme):
 
     def __init__(self, u: fem.Function, pressure: fem.Function | None = None) -> None:
         super().__init__(u, pressure)
-        self.v: Expr = fem.Function(u.function_space)
-        self.acceleration: Expr = self.v
+        self._nil = fem.Function(u.function_space)
+        self.v: Expr = self._nil
+        self.acceleration: Expr = self._nil
+
+    @property
+    def rates(self) -> tuple[tuple[float, Floats], tuple[float, Floats]]:
+        """As of `GeneralizedAlpha`: nil."""
+        return (0.0, self._nil.x.array), (0.0, self._nil.x.array)
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h`; the first guess goes on as the last step went."""

@@ -7,12 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import ufl
-from dolfinx import default_scalar_type, fem, la
+from dolfinx import default_scalar_type, fem
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from .. import jit
 from ..active import Contraction
 from ..errors import SolveError
 from ..fibres import Floats
@@ -68,7 +66,6 @@ class _Bar(LoadedForm):
         velocity.interpolate(lambda X: np.diag([rate, -rate * sides**3 / 2, -rate * sides**3 / 2]) @ X)
         homogeneous(self, np.diag([stretch, sides, sides]))
         scheme.restore(replace(scheme.state, u=self.u.x.array.copy(), v=velocity.x.array.copy()))
-        forces = fem.form(self.balance(self.u, scheme.v, scheme.acceleration, ufl.TestFunction(self.V)), jit_options=jit.options())
         path = []
         for i in range(1, steps + 1):
             t = i * end / steps
@@ -79,9 +76,7 @@ class _Bar(LoadedForm):
             if not newton.solve().converged:
                 raise SolveError(f"the bar did not converge at t = {t:g} s.")
             scheme.accept(t)
-            vector = fem.assemble_vector(forces)
-            vector.scatter_reverse(la.InsertMode.add)
-            force = vector.array.reshape(-1, 3)[self.nodes, 0].sum()
+            force = newton.forces.unbalanced()[self.nodes, 0].sum()
             path.append([t, 1 + self.u.x.array.reshape(-1, 3)[self.nodes, 0].mean() / SIZE, force / SIZE**2])
         newton.destroy()
         return np.array(path)

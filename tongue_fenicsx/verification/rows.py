@@ -91,9 +91,9 @@ class LoadedForm(WeakForm):
         self.loaded = ufl.Measure("ds", mesh, subdomain_data=tags)(1)
         self.nodes = fem.locate_dofs_topological(self.V, 2, self.facets)
 
-    def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
-        """With the load."""
-        return super().balance(u, v, a, w) - ufl.inner(self.load, w) * self.loaded
+    def surface_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
+        """With that of the load."""
+        return super().surface_work(u, v, w) + ufl.inner(self.load, w) * self.loaded
 
 
 def roller(weak: WeakForm, axis: int, *places: float) -> fem.DirichletBC:
