@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: MIT
+"""What is compiled depends on the kind of model, not on its numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import tongue_fenicsx as tf
+from tongue_fenicsx import jit
+from tongue_fenicsx.verification.rows import with_fibres
+
+
+def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run with another tissue, damping, stress, fibre law, load, contact stiffness and step finds everything compiled."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def simulate(scale: float) -> set[str]:
+        model = tf.Model(
+            with_fibres(block),
+            tf.Yeoh(192.0 * scale, 90.0 * scale, 0.49 - 0.01 * scale),
+            tf.Contraction(optimal_stretch=scale, tendon_length=1e-3 * scale),
+            tf.Rayleigh(20.0 * scale, 0.01 * scale),
+            density=1000.0 * scale,
+            sigma_max={"GGP": 3e3 * scale},
+            fixed=["left"],
+            contacts={"floor": tf.Contact(tf.Plane((0.0, 0.0, -1e-3 * scale), (0.0, 0.0, 1.0)))},
+            gravity=(0.0, 0.0, -9.81 * scale),
+        )
+        stepping = tf.Stepping(step_max=2e-3 * scale, output_every=4e-3)
+        tf.Simulation(model, {"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, stepping=stepping).run(4e-3, tmp_path / "run")
+        return {path.name for path in jit.cache_folder().iterdir()}
+
+    compiled = simulate(1.0)
+    assert compiled
+    assert simulate(1.1) == compiled
