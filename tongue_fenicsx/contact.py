@@ -38,8 +38,11 @@ if TYPE_CHECKING:
 FORMS = ("penalty", "nitsche")
 PENALTY = 500.0
 """Penalty in shear moduli per element edge: 0.03 mm at 1 kPa in the chapter's tissue with elements of 6 mm."""
-NITSCHE = 100.0
-"""Nitsche's parameter in longitudinal moduli κ + 4μ/3 per element edge, well above the trace constant of quadratic tetrahedra."""
+NITSCHE = 10.0
+"""Nitsche's parameter in longitudinal moduli κ + 4μ/3 per element edge, above the trace constant of quadratic tetrahedra. Ten times as
+much takes three times as many Newton iterations; so it grows only while it is needed."""
+RELAX = 1.2
+"""By how much a γ that was made smaller grows again from step to step."""
 NEAR = 1e-3
 """Gap in m beyond which θ has no effect: elsewhere the surface may bear another obstacle or a roller, so that λ is not nil."""
 AUGMENTATIONS = 5
@@ -64,7 +67,7 @@ class Contact:
     stiffness : float
         Factor on the default of 1/γ (`PENALTY` or `NITSCHE`).
     tolerance : float
-        Penetration in m beyond which the penalty form augments λ and solves again, up to five times a step.
+        Penetration in m beyond which a step is solved again, up to five times: penalty with augmented λ, Nitsche with larger 1/γ.
     touching : float
         Penetration in m at rest that counts as zero gap: surfaces of real subjects overlap a little.
     motion : RigidMotion, optional
@@ -146,14 +149,24 @@ class _Term:
             return fem.Function(fem.functionspace(surface, element))
 
         self.gap, self.normal, self.curvature, self.multiplier = function(()), function((3,)), function((3, 3)), function(())
-        self.gamma = fem.Constant(surface, default_scalar_type(1 / (contact.stiffness * scale)))
+        self._gamma = 1 / (contact.stiffness * scale)
+        self.gamma = fem.Constant(surface, default_scalar_type(self._gamma))
         self.allowed: Floats = np.zeros(0)
         self.placed = Moved(contact.obstacle, np.eye(3), np.zeros(3))
 
     def set_time(self, t: float) -> None:
-        """Put the obstacle where its bone is at time `t` (s)."""
+        """Put the obstacle where its bone is at time `t` (s), and begin a step with less augmentation."""
+        self.multiplier.x.array[:] = 0.0
+        self.gamma.value = min(RELAX * float(self.gamma.value), self._gamma)
         if self.contact.motion is not None:
             self.placed = Moved(self.contact.obstacle, *self.contact.motion.pose(t))
+
+    def augment(self, depth: float) -> None:
+        """Press harder where the obstacle is penetrated to `depth` (m), which is beyond the tolerance."""
+        if self.contact.form == "penalty":
+            self.multiplier.x.array[:] = np.maximum(self.multiplier.x.array - self.gap.x.array / float(self.gamma.value), 0.0)
+        else:
+            self.gamma.value *= min(0.5, (self.contact.tolerance / depth) ** 1.5)
 
     def update(self, points: Floats, cells: NDArray[np.int32]) -> None:
         """Evaluate the obstacle at deformed points (n_cells, q, 3) of the surface's cells."""
@@ -253,10 +266,9 @@ class ContactSet:
         self.update()
 
     def set_time(self, t: float) -> None:
-        """Put moving obstacles where they are at time `t` (s), and begin a step without augmentation."""
+        """Put moving obstacles where they are at time `t` (s), and begin a step with less augmentation."""
         for term in self.terms.values():
             term.set_time(t)
-            term.multiplier.x.array[:] = 0.0
 
     def update(self) -> None:
         """Evaluate the obstacles at the present displacement."""
@@ -267,25 +279,31 @@ class ContactSet:
             term.update(self._points, self._cells)
 
     def augment(self) -> bool:
-        """Raise λ of each obstacle that is penetrated beyond its tolerance; whether there is one."""
-        again = False
-        for term in self.terms.values():
-            if term.contact.form == "penalty" and self._penetration(term) > term.contact.tolerance:
-                pressed = term.multiplier.x.array - term.gap.x.array / float(term.gamma.value)
-                term.multiplier.x.array[:] = np.maximum(pressed, 0.0)
-                again = True
-        return again
+        """Press harder against each obstacle that is penetrated beyond its tolerance; whether there is one."""
+        deep = [(term, depth) for term in self.terms.values() if (depth := self._penetration(term)) > term.contact.tolerance]
+        for term, depth in deep:
+            term.augment(depth)
+        return bool(deep)
+
+    @property
+    def gammas(self) -> list[float]:
+        """γ of each obstacle in m/Pa; settable, as a run that goes on needs."""
+        return [float(term.gamma.value) for term in self.terms.values()]
+
+    @gammas.setter
+    def gammas(self, values: list[float]) -> None:
+        for term, value in zip(self.terms.values(), values, strict=True):
+            term.gamma.value = value
 
     @contextmanager
     def softened(self) -> Iterator[None]:
         """Make all obstacles `SOFTER` times as soft, so that less of them touches and pushes at once."""
-        for term in self.terms.values():
-            term.gamma.value *= SOFTER
+        hard = self.gammas
+        self.gammas = [SOFTER * gamma for gamma in hard]
         try:
             yield
         finally:
-            for term in self.terms.values():
-                term.gamma.value /= SOFTER
+            self.gammas = hard
 
     def _penetration(self, term: _Term) -> float:
         gap = term.gap.x.array[term.gap.function_space.dofmap.list[self._cells].ravel()]

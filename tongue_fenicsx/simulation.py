@@ -229,6 +229,7 @@ class _Loop:
             self.counters |= counters
             self.scheme.restore(state)
             self._set_time(state.t)
+            self.weak.contacts.gammas = self.counters["gammas"]
             self._load_state()
             self.measures.resume(balance)
             self.say(f"resumed at t = {state.t:.6f} s")
@@ -428,6 +429,7 @@ class _Loop:
         now = time.perf_counter()
         self.counters["wall_seconds"] += now - self._clock
         self._clock = now
+        self.counters["gammas"] = self.weak.contacts.gammas
         self.writer.write_checkpoint(self.scheme.state, self.measures.balance, self.counters, self._identity())
 
     # -- the end
@@ -451,7 +453,7 @@ class _Loop:
 
     def summary(self, status: str) -> dict[str, Any]:
         """What ``summary.json`` holds."""
-        model, c = self.model, {name: value for name, value in self.counters.items() if name not in ("next_step", "largest")}
+        model, c = self.model, {name: value for name, value in self.counters.items() if name not in ("next_step", "largest", "gammas")}
         numbering = self.writer.numbering
         probes = self.simulation.probes
         contact = {name: touches_summary([row["contact"][name] for row in self.writer.rows]) for name in model.contacts}
