@@ -111,7 +111,7 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool) -> str:
         title=escape(", ".join(runs)),
         style=_resource("page.css").template,
         script=_resource("viewer.js").template,
-        data=json.dumps(data, allow_nan=False, separators=(",", ":")),
+        data=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         selector=_selector(runs),
         together=_together(runs) if len(runs) > 1 else "",
         note=_note(detail) if reduced else "",
@@ -159,7 +159,7 @@ def _together(runs: Mapping[str, Run]) -> str:
 def _paths(title: str, displacements: Mapping[str, Floats]) -> str:
     """Displacements (n_t, 3) in m by name as paths in the mid-sagittal plane."""
     lines = [Line(name, 1e3 * u[:, 0], 1e3 * u[:, 2]) for name, u in displacements.items()]
-    return chart(title, "← forward   displacement in mm   backward →", "upward in mm", lines, equal=True)
+    return chart(title, "← forward · displacement in mm · backward →", "upward in mm", lines, equal=True)
 
 
 def _article(label: str, run: Run, moved: Mapping[str, Any], detail: Detail) -> str:
@@ -175,7 +175,7 @@ def _article(label: str, run: Run, moved: Mapping[str, Any], detail: Detail) -> 
         f"<p>{escape(s.get('name', 'Tongue'))}. {STATUS.get(status, KILLED)} {seen}</p>",
         '<dl class="tiles">' + "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in tiles.items()) + "</dl>",
         f'<h3>History</h3><div class="charts">{_charts(run)}</div>',
-        f"<h3>Pictures</h3>{_pictures(run, detail.width)}",
+        f"<h3>Pictures <small>(one that is clicked grows)</small></h3>{_pictures(run, detail.width)}",
         '<div class="tables">',
         _table("Model", _rows(s.get("model", {}), {key: (_words(key), 1.0, "") for key in s.get("model", {})} | MODEL)),
         _table("Solver", _rows(s, SOLVER)),
@@ -218,7 +218,7 @@ def _pictures(run: Run, width: int | None) -> str:
         caption = escape(PICTURES.get(name, _words(name)))
         data, (across, down) = _picture(paths[name], width)
         source = f'src="data:image/png;base64,{base64.b64encode(data).decode()}" width="{across}" height="{down}"'
-        figures.append(f'<figure><img {source} alt="{caption}" decoding="async"><figcaption>{caption}</figcaption></figure>')
+        figures.append(f'<figure tabindex="0"><img {source} alt="{caption}" decoding="async"><figcaption>{caption}</figcaption></figure>')
     return f'<div class="pictures">{"".join(figures)}</div>' if figures else "<p>The run has drawn none.</p>"
 
 

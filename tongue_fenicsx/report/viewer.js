@@ -72,7 +72,7 @@
         if (plain < 0.5) {
           vec3 n = normalize(facing), to = normalize(eye - place);
           if (dot(n, to) < 0.0) n = -n;
-          light = 0.42 + 0.62 * max(dot(n, normalize(to + vec3(0.0, 0.0, 0.7))), 0.0);
+          light = 0.46 + 0.6 * max(dot(n, normalize(to + vec3(0.0, 0.0, 0.7))), 0.0);
         }
         if (largest > 0.0) base = texture2D(table, vec2(clamp(length_ / largest, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
         gl_FragColor = vec4(base * light, colour.a);
@@ -166,10 +166,10 @@
     const right = [-Math.sin(yaw), Math.cos(yaw), 0];
     const up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
     const open_ = 3.2 * Math.min(1, aspect); // the cotangent of half the angle that is seen
-    const far = scene.radius * 3.6 / camera.zoom, near = Math.max(far - 4 * scene.radius, far / 50);
+    const far = scene.radius * 3 / camera.zoom, near = Math.max(far - 4 * scene.radius, far / 50);
     const eye = scene.centre.map((v, j) => v + far * back[j]);
     const dot = (v) => -(v[0] * eye[0] + v[1] * eye[1] + v[2] * eye[2]);
-    const end = far + 6 * scene.radius, s = (end + near) / (near - end), o = 2 * end * near / (near - end);
+    const end = far + 6 * scene.radius, s = (end + near) / (end - near), o = 2 * end * near / (end - near);
     const rows = [right.map((v) => v * open_ / aspect), up.map((v) => v * open_), back.map((v) => -v * s), back.map((v) => -v)];
     const last = [dot(right) * open_ / aspect, dot(up) * open_, -dot(back) * s - o, -dot(back)];
     gl.uniformMatrix4fv(uniforms.view, false, [0, 1, 2].flatMap((j) => rows.map((row) => row[j])).concat(last));
