@@ -150,7 +150,7 @@ def test_the_motion_in_the_page_is_that_of_the_run(done: Path, tmp_path: Path, m
         surface = Surface(rest.astype(float), triangles)
         assert (surface.edge_sharing() == 2).all()
         assert surface.volume == pytest.approx(volume, rel=1e-5)
-        nearest = np.linalg.norm(known[:, None] - rest, axis=2).argmin(axis=0) if fine == 0 else _nearest(points, rest)
+        nearest = np.array([np.linalg.norm(known - point, axis=1).argmin() for point in rest])
         np.testing.assert_allclose(known[nearest], rest, atol=1e-8)
         everywhere = run.field("displacement") if fine else run.field("displacement")[np.unique(cells[:, :4])]
         largest = np.linalg.norm(everywhere[nearest], axis=1).max()
@@ -226,11 +226,15 @@ def test_bad_input(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     (damaged / "fields.h5").write_bytes((done / "fields.h5").read_bytes()[:5000])
     half = copied(done, tmp_path / "half")
     (half / "summary.json").write_text('{"status": "do')
+    endless = copied(done, tmp_path / "endless")
+    with h5py.File(endless / "fields.h5", "r+") as file:
+        file["displacement/00003"][0] = np.inf
     page = tmp_path / "page.html"
     for folders, output, message in (
         ([done, tmp_path / "empty"], page, "empty: holds no run (history.h5 is missing)"),
         ([tmp_path / "nowhere"], page, "nowhere: holds no run"),
         ([damaged], page, "fields.h5: cannot be read"),
+        ([endless], page, "fields.h5: cannot be read (a displacement is not finite)"),
         ([half], page, "summary.json: cannot be read"),
         ([tmp_path / "nowhere"], tmp_path / "file" / "page.html", "cannot be written"),
         ([done], tmp_path / "page.pdf", "a file named .html is expected"),
@@ -436,10 +440,6 @@ def test_without_webgl(done: Path, tmp_path: Path, browser: Browser) -> None:
     assert "no WebGL" in window.find_element("id", "missing").text
     assert not window.find_element("id", "viewer").is_displayed()
     assert window.find_element("css selector", "article.run svg").is_displayed()
-
-
-def _nearest(points: np.ndarray, to: np.ndarray) -> np.ndarray:
-    return np.array([np.linalg.norm(points - point, axis=1).argmin() for point in to])
 
 
 def _origin(element: Any) -> Any:

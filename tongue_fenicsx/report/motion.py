@@ -61,12 +61,19 @@ def motion(run: Run, frames: int) -> dict[str, Any]:
         displacement; ``rest`` (n, 3) and ``triangles`` (m, 3) in base64; ``displacement`` (n_frames, n, 3) as 16-bit integers in
         base64, times ``unit``; ``obstacles``, each with ``name``, ``points``, ``triangles`` and one ``poses`` row per frame, a
         rotation (9) and an offset (3).
+
+    Raises
+    ------
+    ValueError
+        If a displacement is not finite.
     """
     outputs = run.output_times
     kept = evenly(len(outputs), frames)
     points, cells = run.mesh
     nodes, triangles = boundary(cells)
     u = 1e3 * np.array([run.field("displacement", int(index))[nodes] for index in kept])
+    if not np.isfinite(u).all():
+        raise ValueError("a displacement is not finite")
     unit = float(abs(u).max()) / 32767 or 1.0
     return {
         "times": outputs[kept].tolist(),

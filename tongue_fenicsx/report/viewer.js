@@ -56,16 +56,16 @@
     add(gl.VERTEX_SHADER, `
       attribute vec3 position; attribute vec3 normal; attribute float size;
       uniform mat4 view; uniform mat4 pose;
-      varying vec3 place; varying vec3 facing; varying float length_;
+      varying vec3 place; varying vec3 facing; varying float amount;
       void main() {
         vec4 moved = pose * vec4(position, 1.0);
-        place = moved.xyz; facing = (pose * vec4(normal, 0.0)).xyz; length_ = size;
+        place = moved.xyz; facing = (pose * vec4(normal, 0.0)).xyz; amount = size;
         gl_Position = view * moved;
       }`);
     add(gl.FRAGMENT_SHADER, `
       precision highp float;
       uniform vec3 eye; uniform vec4 colour; uniform float largest; uniform float plain; uniform sampler2D table;
-      varying vec3 place; varying vec3 facing; varying float length_;
+      varying vec3 place; varying vec3 facing; varying float amount;
       void main() {
         float light = 1.0;
         vec3 base = colour.rgb;
@@ -74,7 +74,7 @@
           if (dot(n, to) < 0.0) n = -n;
           light = 0.46 + 0.6 * max(dot(n, normalize(to + vec3(0.0, 0.0, 0.7))), 0.0);
         }
-        if (largest > 0.0) base = texture2D(table, vec2(clamp(length_ / largest, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
+        if (largest > 0.0) base = texture2D(table, vec2(clamp(amount / largest, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
         gl_FragColor = vec4(base * light, colour.a);
       }`);
     ["position", "normal", "size"].forEach((name, place) => gl.bindAttribLocation(made, place, name));
@@ -108,14 +108,18 @@
   const indexed = (values) => ({ index: filled(gl.ELEMENT_ARRAY_BUFFER, values), count: values.length });
 
   // ---- one run: rest, displacement, what is drawn
-  const open = (run) => {
+  const load = (run) => {
     const rest = new Float32Array(buffer(run.rest)), triangles = new Uint32Array(buffer(run.triangles));
     const scene = {
       ...run, rest, triangles, moves: new Int16Array(buffer(run.displacement)),
       now: rest.slice(), normal: new Float32Array(rest.length), size: new Float32Array(rest.length / 3),
     };
-    const low = [0, 1, 2].map((j) => rest.reduce((m, v, i) => (i % 3 === j ? Math.min(m, v) : m), Infinity));
-    const high = [0, 1, 2].map((j) => rest.reduce((m, v, i) => (i % 3 === j ? Math.max(m, v) : m), -Infinity));
+    const ends = (pick) => [0, 1, 2].map((j) => {
+      let found = rest[j];
+      for (let i = j; i < rest.length; i += 3) found = pick(found, rest[i]);
+      return found;
+    });
+    const low = ends(Math.min), high = ends(Math.max);
     scene.centre = low.map((v, j) => (v + high[j]) / 2);
     scene.radius = Math.hypot(...low.map((v, j) => high[j] - v)) / 2 || 1;
     scene.buffers = [scene.now, scene.normal, scene.size].map((values) => filled(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW));
@@ -128,9 +132,9 @@
     });
     return scene;
   };
-  const close = (scene) => {
-    for (const part of [scene, scene.skin, scene.wire, ...scene.bones])
-      for (const old of [...(part.buffers ?? []), part.index]) if (old) gl.deleteBuffer(old);
+  const drop = (old) => {
+    for (const part of [old, old.skin, old.wire, ...old.bones])
+      for (const made of [...(part.buffers ?? []), part.index]) if (made) gl.deleteBuffer(made);
   };
 
   // ---- state
@@ -165,13 +169,13 @@
     const back = [Math.cos(pitch) * Math.cos(yaw), Math.cos(pitch) * Math.sin(yaw), Math.sin(pitch)];
     const right = [-Math.sin(yaw), Math.cos(yaw), 0];
     const up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
-    const open_ = 3.2 * Math.min(1, aspect); // the cotangent of half the angle that is seen
+    const lens = 3.2 * Math.min(1, aspect); // the cotangent of half the angle that is seen
     const far = scene.radius * 3 / camera.zoom, near = Math.max(far - 4 * scene.radius, far / 50);
     const eye = scene.centre.map((v, j) => v + far * back[j]);
     const dot = (v) => -(v[0] * eye[0] + v[1] * eye[1] + v[2] * eye[2]);
     const end = far + 6 * scene.radius, s = (end + near) / (end - near), o = 2 * end * near / (end - near);
-    const rows = [right.map((v) => v * open_ / aspect), up.map((v) => v * open_), back.map((v) => -v * s), back.map((v) => -v)];
-    const last = [dot(right) * open_ / aspect, dot(up) * open_, -dot(back) * s - o, -dot(back)];
+    const rows = [right.map((v) => v * lens / aspect), up.map((v) => v * lens), back.map((v) => -v * s), back.map((v) => -v)];
+    const last = [dot(right) * lens / aspect, dot(up) * lens, -dot(back) * s - o, -dot(back)];
     gl.uniformMatrix4fv(uniforms.view, false, [0, 1, 2].flatMap((j) => rows.map((row) => row[j])).concat(last));
     gl.uniform3fv(uniforms.eye, eye);
   };
@@ -239,8 +243,8 @@
   const choose = (number) => {
     articles.forEach((article, i) => { article.hidden = i !== number; });
     if (!drawable) return;
-    if (scene) close(scene);
-    scene = open(page.runs[number]);
+    if (scene) drop(scene);
+    scene = load(page.runs[number]);
     scene.charts = [...articles[number].querySelectorAll("svg[data-from]")];
     time = scene.times[scene.start];
     by("slider").max = scene.times.length - 1;
