@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from .obstacles import Plane, Sphere, Triangulated
     from .parametric import parametric_tongue
     from .passive import MooneyRivlin, NeoHookean, Yeoh
-    from .results import Run
     from .rigid import Suspension
+    from .run import Run
     from .shape import TongueShape
     from .simulation import Simulation, Stepping
     from .solver import Tolerances
@@ -44,7 +44,7 @@ _HOME = {
     "Plane": "obstacles",
     "Rayleigh": "model",
     "RigidMotion": "motion",
-    "Run": "results",
+    "Run": "run",
     "Simulation": "simulation",
     "Sphere": "obstacles",
     "SolveError": "errors",

@@ -248,6 +248,21 @@ class _Bar:
 
 
 @app.command()
+def report(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Run folders, finished or stopped.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.html", help="The page.")] = Path("report.html"),
+) -> None:
+    """Put runs on one HTML page that opens anywhere: numbers, pictures, charts and the motion in 3D."""
+    from .report import write_report
+
+    if output.suffix not in (".html", ".htm"):
+        raise InputError(f"--output {output}: a file named .html is expected.")
+    check_outputs(output.parent, [output.name])
+    write_report(folders, output)
+    console.print(f"wrote {output} ({output.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command()
 def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], changes: Changes = None) -> None:
     """Validate a scenario and say what would run, without running."""
     from . import assemble

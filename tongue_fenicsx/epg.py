@@ -22,7 +22,7 @@ from .grids import grids, skin
 from .surface import Surface
 
 if TYPE_CHECKING:
-    from .results import Run
+    from .run import Run
 
 PALATES = frozenset({"palate", "palate_hard", "hard_palate"})
 """Names of obstacles that carry electrodes."""

@@ -23,7 +23,7 @@ from .surface import Surface
 
 if TYPE_CHECKING:
     from .epg import Electropalatogram
-    from .results import Run
+    from .run import Run
 
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyvista as pv
 
 if TYPE_CHECKING:
-    from .results import Run
+    from .run import Run
 
 
 def grids(run: Run, index: int = -1) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]:

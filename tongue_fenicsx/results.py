@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The run folder: what a simulation writes, and how it is read again.
+"""The run folder: what a simulation writes, and how it goes on from there.
 
 Nodes and cells are numbered in the files by the vertices of the mesh file, so a run looks the same on any number of
 ranks and a checkpoint continues on any other. Only rank 0 touches files; other ranks send it what they own.
@@ -11,7 +11,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -306,108 +305,3 @@ def _replace(path: Path, write: Any) -> None:
     partial = path.with_name(f"{path.name}.partial")
     write(partial)
     os.replace(partial, path)
-
-
-class Run:
-    """A finished (or stopped) run, read from its folder.
-
-    Parameters
-    ----------
-    folder : path
-        The run folder.
-
-    Attributes
-    ----------
-    summary : dict
-        What ``summary.json`` holds.
-    time : (n_t,) float array
-        Times of all steps in s.
-    probes : dict
-        Name to displacement (n_t, 3) in m.
-    energy : dict
-        Name to energy or work (n_t,) in J.
-    support : dict
-        Bonded surface to the force (n_t, 3) in N that its bone exerts on the tongue.
-    contact : dict
-        Obstacle to ``force`` (n_t, 3) in N on the tongue, ``area`` in m², ``pressure`` (largest) in Pa, ``penetration`` in m,
-        and its place, ``rotation`` (n_t, 9) and ``offset`` (n_t, 3) in m.
-    volume_ratio : (n_t,) float array
-        Volume over rest volume.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no run.
-    """
-
-    def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder)
-        if not (self.folder / "history.h5").is_file():
-            raise InputError(f"{self.folder}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
-        summary = self.folder / "summary.json"
-        self.summary: dict[str, Any] = json.loads(summary.read_text()) if summary.is_file() else {}
-        with h5py.File(self.folder / "history.h5", "r") as file:
-            self.time: Floats = file["time"][:]
-            self.probes: dict[str, Floats] = dict(zip(file["probes"].attrs["names"], file["probes"][:], strict=True))
-            self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
-            self.support: dict[str, Floats] = {name: data[:] for name, data in file.get("support", {}).items()}
-            self.contact: dict[str, dict[str, Floats]] = {
-                name: {column: data[:] for column, data in group.items()} for name, group in file.get("contact", {}).items()
-            }
-            self.volume_ratio: Floats = file["volume_ratio"][:]
-
-    def field(self, name: str, index: int = -1) -> Floats:
-        """A stored field, (n_nodes, 3) or (n_cells,), at the output `index`."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
-            return np.asarray(file[name][sorted(file[name])[index]][:], dtype=float)
-
-    @property
-    def output_times(self) -> Floats:
-        """Times in s of the stored fields, (n_outputs,)."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
-            return np.asarray(file.attrs["time"])
-
-    @property
-    def mesh(self) -> tuple[Floats, Ints]:
-        """Rest coordinates (n_nodes, 3) in m and quadratic tetrahedra (n_cells, 10) in VTK order."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
-            return file["mesh/points"][:], file["mesh/cells"][:].astype(np.int64)
-
-    @cached_property
-    def farthest(self) -> int:
-        """The output at which the tongue is farthest from rest."""
-        return int(np.argmax([(self.field("displacement", index) ** 2).sum() for index in range(len(self.output_times))]))
-
-    def obstacles(self, index: int = -1) -> dict[str, Surface]:
-        """The surfaces of the obstacles where they are at the output `index`."""
-        time = self.output_times[index]
-        with h5py.File(self.folder / "fields.h5", "r") as file:
-            surfaces = {name: Surface.read(group) for name, group in file.get("obstacles", {}).items()}
-        row = int(np.argmin(abs(self.time - time)))
-
-        def place(surface: Surface, of: dict[str, Floats]) -> Surface:
-            return surface.moved(lambda X: X @ of["rotation"][row].reshape(3, 3).T + of["offset"][row])
-
-        return {name: place(surface, self.contact[name]) for name, surface in surfaces.items()}
-
-    def plot_trajectories(self) -> Path:
-        """Draw the probe trajectories into ``figures/`` and return the file."""
-        from . import figures
-
-        return figures.trajectories(self)
-
-    def plot(self) -> list[Path]:
-        """Draw all figures of the run into ``figures/`` and return the files."""
-        from . import figures
-        from .epg import PALATES, electropalatogram
-
-        paths = [figures.midsagittal(self), figures.view3d(self)]
-        if self.probes:
-            paths.append(figures.trajectories(self))
-        if self.contact:
-            paths.append(figures.contact(self))
-        if PALATES.intersection(self.contact):
-            record = electropalatogram(self)
-            record.write(self.folder / "epg.csv")
-            paths.append(figures.electropalatogram(self, record))
-        return paths

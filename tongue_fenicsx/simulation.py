@@ -30,7 +30,8 @@ from .measures import ENERGIES, Measures
 from .model import Model
 from .muscles import peak_stress, resolve
 from .probes import Probes
-from .results import RUN_FILES, Run, RunWriter
+from .results import RUN_FILES, RunWriter
+from .run import Run
 from .solver import Newton, Outcome, Tolerances
 from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero

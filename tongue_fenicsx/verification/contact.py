@@ -22,7 +22,7 @@ from ..model import Model, Rayleigh, WeakForm
 from ..motion import RigidMotion
 from ..obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
 from ..passive import NeoHookean, Yeoh
-from ..results import Run
+from ..run import Run
 from ..simulation import Simulation, Stepping
 from ..solver import Newton, Tolerances
 from ..surface import Surface

@@ -24,7 +24,7 @@ from ..fibres import Floats
 from ..model import Model, Rayleigh
 from ..parametric import parametric_tongue
 from ..passive import Yeoh
-from ..results import Run
+from ..run import Run
 from ..simulation import Simulation, Stepping
 from ..solver import Tolerances
 from ..timestep import GeneralizedAlpha, State

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: MIT
+"""One HTML page of runs that opens from disk without a network: numbers, pictures, charts and the motion in 3D."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import InputError
+from ..run import Run
+from .page import Detail, page
+
+LIMIT = 15_000_000
+"""Largest size of a page in bytes."""
+
+LEVELS = (Detail(60), Detail(60, 1000), Detail(30, 800), Detail(15, 640), Detail(8, 480), Detail(4, 320))
+"""How much of each run is shown, from the finest on."""
+
+
+def write_report(folders: Sequence[str | Path], path: str | Path) -> Path:
+    """Write one page of one or several runs, finished or not, and return its file; the run folders stay as they are.
+
+    Parameters
+    ----------
+    folders : sequence of path
+        Run folders, at least one.
+    path : path
+        The HTML file. Where it would be larger than `LIMIT`, fewer moments and smaller pictures are shown, and the page says so.
+
+    Raises
+    ------
+    InputError
+        If a folder holds no run or a damaged one, or even the coarsest of `LEVELS` is too large.
+    """
+    if not folders:
+        raise InputError("report: at least one run folder is expected.")
+    runs = dict(zip(_labels([Path(folder) for folder in folders]), map(Run, folders), strict=True))
+    for detail in LEVELS:
+        text = page(runs, detail, reduced=detail != LEVELS[0]).encode()
+        if len(text) <= LIMIT:
+            break
+    else:
+        raise InputError(f"report: {len(runs)} runs fill more than {LIMIT / 1e6:g} MB, the most of one page; give fewer of them.")
+    path = Path(path)
+    path.write_bytes(text)
+    return path
+
+
+def _labels(folders: list[Path]) -> list[str]:
+    """The names of the folders, or their paths where names repeat, or numbered paths."""
+    names = [folder.resolve().name for folder in folders]
+    paths = [str(folder) for folder in folders]
+    for labels in (names, paths):
+        if len(set(labels)) == len(labels):
+            return labels
+    return [f"{number}: {name}" for number, name in enumerate(paths, start=1)]

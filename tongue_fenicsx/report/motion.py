@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""The motion of a run's surface, small enough to travel inside a page."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..fibres import Floats
+from ..run import Run
+from ..surface import Ints, Surface
+
+FINE = 20_000
+"""Above so many nodes on the surface only the corners of the tetrahedra are shown."""
+
+OBSTACLE = 12_000
+"""Triangles of an obstacle that are shown at most."""
+
+SIDES = np.array([[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9], [0, 2, 1, 6, 5, 4]])
+"""The sides of a quadratic tetrahedron in VTK order: three corners, counter-clockwise from outside, and the nodes between them."""
+
+QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+"""A side cut into four."""
+
+
+def evenly(n: int, at_most: int) -> Ints:
+    """At most so many of the numbers 0 … n − 1, evenly spread, with the first and the last."""
+    return np.unique(np.linspace(0, n - 1, min(n, at_most)).round().astype(np.int64))
+
+
+def boundary(cells: Ints) -> tuple[Ints, Ints]:
+    """The surface of quadratic tetrahedra (n_cells, 10): its nodes, (n,), and triangles, (m, 3), counter-clockwise from outside.
+
+    Triangles count within the nodes. Each side of a tetrahedron is four triangles, or one where the surface is `FINE`.
+    """
+    sides = cells[:, SIDES].reshape(-1, 6)
+    _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    sides = sides[first[count == 1]]
+    triangles = sides[:, :3] if len(np.unique(sides)) > FINE else sides[:, QUARTERS].reshape(-1, 3)
+    nodes, places = np.unique(triangles, return_inverse=True)
+    return nodes, places.reshape(-1, 3)
+
+
+def motion(run: Run, frames: int) -> dict[str, Any]:
+    """The surface at rest, its displacement at some outputs, and the obstacles, lengths in mm.
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+    frames : int
+        How many outputs are kept at most.
+
+    Returns
+    -------
+    dict
+        ``times`` in s; ``outputs``, how many there were; ``start``, the frame farthest from rest; ``largest``, the largest
+        displacement; ``rest`` (n, 3) and ``triangles`` (m, 3) in base64; ``displacement`` (n_frames, n, 3) as 16-bit integers in
+        base64, times ``unit``; ``obstacles``, each with ``name``, ``points``, ``triangles`` and one ``poses`` row per frame, a
+        rotation (9) and an offset (3).
+
+    Raises
+    ------
+    ValueError
+        If a displacement is not finite.
+    """
+    outputs = run.output_times
+    kept = evenly(len(outputs), frames)
+    points, cells = run.mesh
+    nodes, triangles = boundary(cells)
+    u = 1e3 * np.array([run.field("displacement", int(index))[nodes] for index in kept])
+    if not np.isfinite(u).all():
+        raise ValueError("a displacement is not finite")
+    unit = float(abs(u).max()) / 32767 or 1.0
+    return {
+        "times": outputs[kept].tolist(),
+        "outputs": len(outputs),
+        "start": int(np.argmax((u**2).sum(axis=(1, 2)))),
+        "largest": float(np.linalg.norm(u, axis=2).max()),
+        "rest": _packed(1e3 * points[nodes], "<f4"),
+        "triangles": _packed(triangles, "<u4"),
+        "unit": unit,
+        "displacement": _packed((u / unit).round(), "<i2"),
+        "obstacles": [_obstacle(run, name, surface, kept) for name, surface in run.obstacles_at_rest.items()],
+    }
+
+
+def _obstacle(run: Run, name: str, surface: Surface, outputs: Ints) -> dict[str, Any]:
+    if len(surface.triangles) > OBSTACLE:
+        surface = Surface.from_pyvista(surface.to_pyvista().decimate(1 - OBSTACLE / len(surface.triangles)))
+    poses = [run.pose(name, int(index)) for index in outputs]
+    return {
+        "name": name,
+        "points": _packed(1e3 * surface.points, "<f4"),
+        "triangles": _packed(surface.triangles, "<u4"),
+        "poses": [np.r_[rotation.ravel(), 1e3 * offset].round(6).tolist() for rotation, offset in poses],
+    }
+
+
+def strain(run: Run) -> tuple[Floats, Floats, Floats]:
+    """Times in s and the mean and 99th percentile of the von Mises Hencky strain of the cells by volume at the outputs, (n,) each."""
+    points, cells = run.mesh
+    a, b, c, d = (points[cells[:, i]] for i in range(4))
+    volume = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+    times = run.output_times
+    fields = [run.field("hencky_von_mises", index) for index in range(len(times))]
+    mean = [np.average(field, weights=volume) for field in fields]
+    high = [np.percentile(field, 99, weights=volume, method="inverted_cdf") for field in fields]
+    return times, np.array(mean), np.array(high)
+
+
+def _packed(values: NDArray[Any], kind: str) -> str:
+    return base64.b64encode(values.astype(kind).tobytes()).decode()
