@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -34,6 +34,10 @@ errors = Console(stderr=True, soft_wrap=True, highlight=False)
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario, e.g. tissue.nu=0.499.")
 ]
+MeshFile = Annotated[Path | None, typer.Option("--mesh", metavar="FILE.msh", help="A mesh; without it the parametric tongue.")]
+MeshPreset = Annotated[str | None, typer.Option("--preset", help="Of the parametric tongue: coarse, medium or reference.")]
+Tissue = Annotated[str, typer.Option("--tissue", help="calka, buchaillard or kappert.")]
+Muscles = Annotated[list[str] | None, typer.Option("--muscle", metavar="NAME", help="Only this muscle; may be repeated.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folder.")]
 
 
@@ -274,6 +278,63 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
 
 
 @app.command()
+def calibrate(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.toml", help="The stresses, as a scenario takes them.")],
+    mesh: MeshFile = None,
+    preset: MeshPreset = None,
+    tissue: Tissue = "calka",
+    strain: Annotated[float, typer.Option(help="Von Mises Hencky strain to reach, 99th percentile by volume.")] = 0.5,
+    muscle: Muscles = None,
+) -> None:
+    """Find the peak stress with which each tongue muscle alone reaches a strain."""
+    from mpi4py import MPI
+
+    from . import calibration, solo
+    from .scenario import to_toml
+    from .tonguemesh import on_rank_zero
+
+    comm = MPI.COMM_WORLD
+    if output.suffix != ".toml":
+        raise InputError(f"{output}: the file must end in .toml.")
+    preset = _solo_options(mesh, preset, tissue, muscle, calibration.TONGUE_MUSCLES)
+    calibration.check_target(strain)
+    with tempfile.TemporaryDirectory() as folder, _Bar(comm.rank == 0) as bar:
+        path = solo.mesh_of(mesh, preset, Path(comm.bcast(folder)))
+        muscles = solo.muscles_in(path, calibration.TONGUE_MUSCLES, muscle)
+        on_rank_zero(comm, lambda: check_outputs(output.parent, [output.name]))
+        say = _sayer(comm.rank == 0)
+        found = calibration.calibrate(path, muscles, tissue, strain, say, bar if console.is_terminal else None)
+    if comm.rank == 0:
+        name = f"parametric tongue, {preset}" if mesh is None else mesh.name
+        output.write_text(to_toml(calibration.table(found, name, tissue, strain)).lstrip(), encoding="utf-8")
+        table = Table("muscle", "peak stress kPa", "strain", "runs", "", title=f"{name}, tissue {tissue}, strain {strain:g}")
+        for key, f in found.items():
+            note = "" if f.reached else f"{strain:g} is not reached up to {1e-3 * f.limit:g} kPa"
+            table.add_row(key, f"{1e-3 * f.stress:g}", f"{f.strain:.3f}", str(f.runs), note)
+        console.print(table)
+        console.print(f"wrote {output}")
+
+
+def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
+    """Check what calibrate and atlas have in common; return the preset."""
+    from .meshing import PRESETS
+    from .scenario import TISSUES
+
+    if mesh is not None and preset is not None:
+        raise InputError("--mesh and --preset: give one of them.")
+    preset = preset or "coarse"
+    for option, value, accepted in (("--preset", preset, PRESETS), ("--tissue", tissue, TISSUES), *(("--muscle", m, known) for m in some or ())):
+        if value not in accepted:
+            raise InputError(f"{option}: {value!r} is not one of {', '.join(accepted)}.")
+    return preset
+
+
+def _sayer(active: bool) -> Callable[[str], None]:
+    """Prints lines, on rank 0 only."""
+    return console.print if active else lambda line: None
+
+
+@app.command()
 def verify(
     only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case, such as patch, fibres or calculix.")] = None,
 ) -> None:
@@ -332,6 +393,10 @@ def _exit_code(command: Callable[[], Any]) -> int:
         return 2
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 1
+    except KeyboardInterrupt:
+        if _rank() == 0:
+            errors.print("interrupted")
+        return 130
     except Exception:
         traceback.print_exc()
         if _size() > 1:  # the other ranks wait in a collective call

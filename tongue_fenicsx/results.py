@@ -114,6 +114,7 @@ STATE = ("u", "v", "acceleration", "auxiliary", "pressure")
 
 RUN_FILES = [
     "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5", "epg.csv",
+    "trajectories.csv",
     *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg") for kind in ("png", "pdf")),
     "figures/view3d.png",
 ]  # fmt: skip
@@ -129,11 +130,11 @@ class RunWriter:
         The run folder; it exists and is writable.
     V : fem.FunctionSpace
         Space of the displacement.
-    probes : sequence of str
-        Names of the probes.
+    probes : mapping
+        Names of the probes to their points (3,) in m of the rest shape.
     """
 
-    def __init__(self, folder: Path, V: fem.FunctionSpace, probes: list[str]) -> None:
+    def __init__(self, folder: Path, V: fem.FunctionSpace, probes: Mapping[str, Floats]) -> None:
         self.folder, self._probes = folder, probes
         self.numbering = Numbering(V)
         self._root = V.mesh.comm.rank == 0
@@ -204,7 +205,7 @@ class RunWriter:
             with h5py.File(path, "w") as file:
                 file["time"] = [row["t"] for row in self.rows]
                 file["probes"] = np.array([row["probes"] for row in self.rows]).reshape(len(self.rows), -1, 3).transpose(1, 0, 2)
-                file["probes"].attrs["names"] = self._probes
+                file["probes"].attrs.update({"names": list(self._probes), "rest": np.reshape(list(self._probes.values()), (-1, 3))})
                 file["volume_ratio"] = [row["volume_ratio"] for row in self.rows]
                 for name in ENERGIES:
                     file[f"energy/{name}"] = [row[name] for row in self.rows]
@@ -324,6 +325,8 @@ class Run:
         Times of all steps in s.
     probes : dict
         Name to displacement (n_t, 3) in m.
+    rest : dict
+        Name of each probe to its point (3,) in m of the rest shape.
     energy : dict
         Name to energy or work (n_t,) in J.
     support : dict
@@ -348,7 +351,9 @@ class Run:
         self.summary: dict[str, Any] = json.loads(summary.read_text()) if summary.is_file() else {}
         with h5py.File(self.folder / "history.h5", "r") as file:
             self.time: Floats = file["time"][:]
-            self.probes: dict[str, Floats] = dict(zip(file["probes"].attrs["names"], file["probes"][:], strict=True))
+            names, rest = (file["probes"].attrs[key] for key in ("names", "rest"))
+            self.probes: dict[str, Floats] = dict(zip(names, file["probes"][:], strict=True))
+            self.rest: dict[str, Floats] = dict(zip(names, rest, strict=True))
             self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
             self.support: dict[str, Floats] = {name: data[:] for name, data in file.get("support", {}).items()}
             self.contact: dict[str, dict[str, Floats]] = {
@@ -398,11 +403,12 @@ class Run:
 
     def plot(self) -> list[Path]:
         """Draw all figures of the run into ``figures/`` and return the files."""
-        from . import figures
+        from . import figures, kinematics
         from .epg import PALATES, electropalatogram
 
         paths = [figures.midsagittal(self), figures.view3d(self)]
         if self.probes:
+            kinematics.write(self, self.folder / "trajectories.csv")
             paths.append(figures.trajectories(self))
         if self.contact:
             paths.append(figures.contact(self))
