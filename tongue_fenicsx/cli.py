@@ -315,6 +315,40 @@ def calibrate(
         console.print(f"wrote {output}")
 
 
+@app.command()
+def atlas(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A run folder for each muscle, the table and the plate.")],
+    mesh: MeshFile = None,
+    preset: MeshPreset = None,
+    tissue: Tissue = "calka",
+    muscle: Muscles = None,
+) -> None:
+    """Move each muscle alone: a table of what it does, and a plate of pictures."""
+    from mpi4py import MPI
+
+    from . import atlas, solo
+    from .tonguemesh import on_rank_zero
+
+    comm = MPI.COMM_WORLD
+    preset = _solo_options(mesh, preset, tissue, muscle, atlas.MUSCLES)
+    on_rank_zero(comm, lambda: check_outputs(output, atlas.FILES))
+    with _Bar(comm.rank == 0) as bar:
+        path = solo.mesh_of(mesh, preset, output)
+        muscles = solo.muscles_in(path, atlas.MUSCLES, muscle)
+        runs = atlas.movements(output, path, muscles, tissue, _sayer(comm.rank == 0), bar if console.is_terminal else None)
+    if comm.rank == 0:
+        from . import plate
+
+        columns, *rows = atlas.written(runs, output)
+        table = Table(*columns, title=f"each muscle alone, tissue {tissue}; x backward, z upward")
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+        title = f"{next(iter(runs.values())).summary['name']}, tissue {tissue}: each muscle alone at full activation for 250 ms"
+        plate.plate(runs, output / "atlas.png", title)
+        console.print("wrote " + ", ".join(str(output / name) for name in atlas.FILES))
+
+
 def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
     """Check what calibrate and atlas have in common; return the preset."""
     from .meshing import PRESETS
@@ -323,7 +357,8 @@ def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list
     if mesh is not None and preset is not None:
         raise InputError("--mesh and --preset: give one of them.")
     preset = preset or "coarse"
-    for option, value, accepted in (("--preset", preset, PRESETS), ("--tissue", tissue, TISSUES), *(("--muscle", m, known) for m in some or ())):
+    named: list[tuple[str, str, Collection[str]]] = [("--preset", preset, PRESETS), ("--tissue", tissue, TISSUES)]
+    for option, value, accepted in (*named, *(("--muscle", name, known) for name in some or ())):
         if value not in accepted:
             raise InputError(f"{option}: {value!r} is not one of {', '.join(accepted)}.")
     return preset

@@ -18,7 +18,7 @@ SLOW = 5e-3
 
 
 def speed(time: Floats, path: Floats) -> Floats:
-    """Tangential speed in m/s, (n,), of a point at `path` (n, 3) in m at the times (n,) in s: of the parabola through three successive places."""
+    """Tangential speed in m/s, (n,), of a point at `path` (n, 3) in m: of the parabola through three successive times (n,) in s."""
     if len(time) < 3:
         return np.full(len(time), np.nan)
     return np.asarray(np.linalg.norm(np.gradient(path, time, axis=0, edge_order=2), axis=1))
@@ -42,7 +42,7 @@ def motion(time: Floats, path: Floats) -> tuple[Floats, Floats]:
 
 
 def write(run: Run, path: Path) -> None:
-    """Write a CSV table: time in s, then of each probe its place x, y, z in m, speed in m/s and curvature in 1/m (empty where there is none)."""
+    """Write a CSV table: time in s, then of each probe place in m, speed in m/s and curvature in 1/m (empty where there is none)."""
     columns = {"time_s": run.time}
     for name, displacement in run.probes.items():
         place = run.rest[name] + displacement

@@ -9,6 +9,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from . import meshing
+from .errors import InputError
 from .muscles import CATALOGUE, base_name, resolve
 from .parametric import parametric_tongue
 from .scenario import Scenario
@@ -33,13 +34,16 @@ def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) ->
     Raises
     ------
     InputError
-        If the mesh cannot be read or has not `some` of them.
+        If the mesh cannot be read, has not `some` of them, or none at all.
     """
     tongue = TongueMesh.read(mesh, MPI.COMM_WORLD)
     for name in some or ():
         resolve(name, tongue.muscles, "--muscle")
     available = set(map(base_name, tongue.muscles))
-    return list(dict.fromkeys(some or [name for name in CATALOGUE if name in wanted and name in available]))
+    found = list(dict.fromkeys(some or [name for name in CATALOGUE if name in wanted and name in available]))
+    if not found:
+        raise InputError(f"{mesh}: has none of the muscles {', '.join(wanted)}.")
+    return found
 
 
 def scenario(muscle: str, mesh: Path, tissue: str, stress: float) -> Scenario:
