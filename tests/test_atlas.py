@@ -73,9 +73,8 @@ def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
         (["--mesh", "block.msh"], "block.msh: has none of the muscles GGP"),
     ],
 )
-def test_bad_input(
-    block: tf.TongueMesh, workspace: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
-) -> None:
+@pytest.mark.usefixtures("block")
+def test_bad_input(workspace: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str) -> None:
     """Exit code 2 and one sentence, before any muscle moves: an unknown muscle, a missing mesh, one without muscles."""
     given = [str(workspace / option) if option == "block.msh" else option for option in options]
     code, text = command(capsys, "atlas", "-o", tmp_path, *given)
