@@ -220,10 +220,10 @@ def run(
 
 
 class _Bar:
-    """Progress with time, step, Newton iterations and the time that is left; plain lines where no terminal is."""
+    """Progress with time, step, Newton iterations and the time that is left; plain lines, if wanted, where no terminal is."""
 
-    def __init__(self, active: bool) -> None:
-        self._tenth = -1
+    def __init__(self, active: bool, lines: bool = True) -> None:
+        self._active, self._lines, self._tenth = active, lines, -1
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -246,9 +246,14 @@ class _Bar:
         text = f"t {1e3 * p.t:.1f} of {1e3 * p.t_end:.0f} ms, step {p.step} ({1e3 * p.h:.2g} ms), {p.newton} Newton, {p.krylov} {p.rung}"
         self._bar.update(self._task, description=text, completed=p.t, total=p.t_end)
         tenth = int(10 * p.t / p.t_end + 1e-9)
-        if not console.is_terminal and tenth > self._tenth:
+        if self._lines and not console.is_terminal and tenth > self._tenth:
             console.print(text)
             self._tenth = tenth
+
+    def say(self, line: str) -> None:
+        """Print a line that stays."""
+        if self._active:
+            console.print(line)
 
 
 @app.command()
@@ -298,12 +303,11 @@ def calibrate(
         raise InputError(f"{output}: the file must end in .toml.")
     preset = _solo_options(mesh, preset, tissue, muscle, calibration.TONGUE_MUSCLES)
     calibration.check_target(strain)
-    with tempfile.TemporaryDirectory() as folder, _Bar(comm.rank == 0) as bar:
+    on_rank_zero(comm, lambda: check_outputs(output.parent, [output.name]))
+    with tempfile.TemporaryDirectory() as folder, _Bar(comm.rank == 0, lines=False) as bar:
         path = solo.mesh_of(mesh, preset, Path(comm.bcast(folder)))
         muscles = solo.muscles_in(path, calibration.TONGUE_MUSCLES, muscle)
-        on_rank_zero(comm, lambda: check_outputs(output.parent, [output.name]))
-        say = _sayer(comm.rank == 0)
-        found = calibration.calibrate(path, muscles, tissue, strain, say, bar if console.is_terminal else None)
+        found = calibration.calibrate(path, muscles, tissue, strain, bar.say, bar)
     if comm.rank == 0:
         name = f"parametric tongue, {preset}" if mesh is None else mesh.name
         output.write_text(to_toml(calibration.table(found, name, tissue, strain)).lstrip(), encoding="utf-8")
@@ -332,10 +336,10 @@ def atlas(
     comm = MPI.COMM_WORLD
     preset = _solo_options(mesh, preset, tissue, muscle, atlas.MUSCLES)
     on_rank_zero(comm, lambda: check_outputs(output, atlas.FILES))
-    with _Bar(comm.rank == 0) as bar:
+    with _Bar(comm.rank == 0, lines=False) as bar:
         path = solo.mesh_of(mesh, preset, output)
         muscles = solo.muscles_in(path, atlas.MUSCLES, muscle)
-        runs = atlas.movements(output, path, muscles, tissue, _sayer(comm.rank == 0), bar if console.is_terminal else None)
+        runs = atlas.movements(output, path, muscles, tissue, bar.say, bar)
     if comm.rank == 0:
         from . import plate
 
@@ -362,11 +366,6 @@ def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list
         if value not in accepted:
             raise InputError(f"{option}: {value!r} is not one of {', '.join(accepted)}.")
     return preset
-
-
-def _sayer(active: bool) -> Callable[[str], None]:
-    """Prints lines, on rank 0 only."""
-    return console.print if active else lambda line: None
 
 
 @app.command()

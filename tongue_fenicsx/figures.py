@@ -142,7 +142,7 @@ def trajectories(run: Run) -> Path:
         bends.semilogy(t, curvature, ".-", color=colour, markersize=3, linewidth=0.8, label=name)
     over_time.set(title="displacement", ylabel="mm")
     speeds.set(title="tangential speed", ylabel="cm/s", ylim=(0, None))
-    bends.set(title=f"curvature of the path, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")
+    bends.set(title=f"curvature, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")
     for axes in (over_time, speeds, bends):
         axes.set(xlabel="time in ms", xlim=(0, t[-1]))
         axes.grid(alpha=0.3)

@@ -28,7 +28,7 @@ VIEWS = {
     "from the front left": ((-1.0, -0.9, 0.5), (0.0, 0.0, 1.0)),
 }
 """Where the eye is, and what points up."""
-PIXELS = 900
+PIXELS = 800
 Image = NDArray[np.uint8]
 
 
@@ -63,10 +63,10 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     height = max(stack[0].shape[0] for stack in images.values())
     gap = 0.12 * max(widths)
     inch = 2.0 / max(widths)
-    wide, tall = 0.3 + inch * blocks * (sum(widths) + gap), 0.9 + inch * rows * 1.13 * height
+    wide, tall = 0.3 + inch * blocks * (sum(widths) + gap), 1.0 + inch * rows * 1.13 * height
     figure = plt.figure(figsize=(wide, tall))
     ratios = ([*widths, gap] * blocks)[:-1]
-    borders = {"left": 0.01, "right": 0.99, "top": 1 - 0.75 / tall, "bottom": 0.01}
+    borders = {"left": 0.01, "right": 0.99, "top": 1 - 0.85 / tall, "bottom": 0.01}
     grid = figure.add_gridspec(rows, len(ratios), width_ratios=ratios, wspace=0.02, hspace=0.13, **borders)
     for place, (name, (_, moved)) in enumerate(shapes.items()):
         block, line = divmod(place, rows)
@@ -75,9 +75,8 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
             axes.imshow(stack[place], interpolation="antialiased")
             axes.set_axis_off()
             if line == 0:
-                axes.annotate(
-                    view, (0.5, 1), (0, 22), xycoords="axes fraction", textcoords="offset points", ha="center", fontsize=10, color="0.35"
-                )
+                spot = grid[0, 4 * block + column].get_position(figure)
+                figure.text((spot.x0 + spot.x1) / 2, 1 - 0.5 / tall, view, ha="center", fontsize=10, color="0.35")
             if column == 0:
                 axes.set_title(_label(name), loc="left", fontsize=11, fontweight="bold")
             if column == 2:
@@ -114,10 +113,11 @@ def _picture(
     """One view, in parallel projection on white."""
     plotter = pv.Plotter(off_screen=True, window_size=(PIXELS, PIXELS))
     try:
+        smooth = {"smooth_shading": True, "show_scalar_bar": False}
         plotter.set_background("white")
         plotter.enable_parallel_projection()
-        plotter.add_mesh(skin(moved, 2), scalars="displacement", cmap=COLOURS, clim=(0.0, most), smooth_shading=True, show_scalar_bar=False)
-        plotter.add_mesh(skin(rest), color="gray", opacity=0.22, smooth_shading=True)
+        plotter.add_mesh(skin(moved), scalars="displacement", cmap=COLOURS, clim=(0.0, most), ambient=0.25, **smooth)
+        plotter.add_mesh(skin(rest), color="gray", opacity=0.3, culling="front", **smooth)
         plotter.view_vector(camera[0], viewup=camera[1])
         plotter.camera.focal_point = centre
         plotter.camera.position = centre + 10 * radius * np.array(camera[0])
