@@ -160,6 +160,9 @@ def calibrate(
     return found
 
 
+HEADER = "# Peak active stresses in Pa, written by tongue calibrate.\n"
+
+
 def table(found: Mapping[str, Found], mesh: str, tissue: str, target: float) -> dict[str, Any]:
     """What is written: the stresses as a scenario takes them, and how they were found."""
     return {
@@ -172,9 +175,8 @@ def table(found: Mapping[str, Found], mesh: str, tissue: str, target: float) -> 
             "target": target,
             "tolerance": TOLERANCE,
             "bound": BOUND,
-            "not_reached": [muscle for muscle, f in found.items() if not f.reached],
             "strain": {muscle: round(f.strain, 3) for muscle, f in found.items()},
-            "limit": {muscle: f.limit for muscle, f in found.items()},
+            "not_reached_up_to": {muscle: f.limit for muscle, f in found.items() if not f.reached},
             "versions": versions(),
         },
     }

@@ -310,7 +310,7 @@ def calibrate(
         found = calibration.calibrate(path, muscles, tissue, strain, bar.say, bar)
     if comm.rank == 0:
         name = f"parametric tongue, {preset}" if mesh is None else mesh.name
-        output.write_text(to_toml(calibration.table(found, name, tissue, strain)).lstrip(), encoding="utf-8")
+        output.write_text(calibration.HEADER + to_toml(calibration.table(found, name, tissue, strain)), encoding="utf-8")
         table = Table("muscle", "peak stress kPa", "strain", "runs", "", title=f"{name}, tissue {tissue}, strain {strain:g}")
         for key, f in found.items():
             note = "" if f.reached else f"{strain:g} is not reached up to {1e-3 * f.limit:g} kPa"
