@@ -14,6 +14,7 @@ import numpy as np
 import pyvista as pv
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
 from .fibres import Floats
@@ -33,7 +34,7 @@ Image = NDArray[np.uint8]
 
 
 def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
-    """Draw the ends of the runs, coloured by displacement on one scale, with the rest shape transparent.
+    """Draw the ends of the runs, coloured by displacement, each on a scale of its own, with the rest shape transparent.
 
     Parameters
     ----------
@@ -45,28 +46,21 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
         Over the sheet.
     """
     shapes = {name: grids(run) for name, run in runs.items()}
-    most = max(max(float(moved["displacement"].max()) for _, moved in shapes.values()), 1e-6)
     everything = np.vstack([np.asarray(moved.points) for _, moved in shapes.values()])
     low, high = everything.min(axis=0), everything.max(axis=0)
+    centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     images = {
-        view: _cropped(
-            [
-                _picture(rest, moved, camera, (low + high) / 2, float(np.linalg.norm(high - low)) / 2, most)
-                for rest, moved in shapes.values()
-            ]
-        )
-        for view, camera in VIEWS.items()
+        view: _cropped([_picture(rest, moved, camera, centre, radius) for rest, moved in shapes.values()]) for view, camera in VIEWS.items()
     }
     blocks = 2 if len(runs) > 6 else 1
-    rows = -(-(len(runs) + 1) // blocks)  # one place for the scale
+    rows = -(-len(runs) // blocks)
     widths = [stack[0].shape[1] for stack in images.values()]
     height = max(stack[0].shape[0] for stack in images.values())
-    gap = 0.12 * max(widths)
+    ratios = [*widths, 0.3 * max(widths)] * blocks  # the last for the scale
     inch = 2.0 / max(widths)
-    wide, tall = 0.3 + inch * blocks * (sum(widths) + gap), 1.0 + inch * rows * 1.13 * height
+    wide, tall = 0.3 + inch * sum(ratios), 1.2 + inch * rows * 1.13 * height
     figure = plt.figure(figsize=(wide, tall))
-    ratios = ([*widths, gap] * blocks)[:-1]
-    borders = {"left": 0.01, "right": 0.99, "top": 1 - 0.85 / tall, "bottom": 0.01}
+    borders = {"left": 0.01, "right": 0.995, "top": 1 - 1.05 / tall, "bottom": 0.01}
     grid = figure.add_gridspec(rows, len(ratios), width_ratios=ratios, wspace=0.02, hspace=0.13, **borders)
     for place, (name, (_, moved)) in enumerate(shapes.items()):
         block, line = divmod(place, rows)
@@ -76,13 +70,13 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
             axes.set_axis_off()
             if line == 0:
                 spot = grid[0, 4 * block + column].get_position(figure)
-                figure.text((spot.x0 + spot.x1) / 2, 1 - 0.5 / tall, view, ha="center", fontsize=10, color="0.35")
+                figure.text((spot.x0 + spot.x1) / 2, 1 - 0.75 / tall, view, ha="center", fontsize=10, color="0.35")
             if column == 0:
                 axes.set_title(_label(name), loc="left", fontsize=11, fontweight="bold")
-            if column == 2:
-                axes.set_title(f"up to {moved['displacement'].max():.1f} mm", loc="right", fontsize=10)
-    _scale(figure, figure.add_subplot(grid[-1, 4 * blocks - 4 :]), most)
-    figure.suptitle(title, fontsize=14, y=1 - 0.12 / tall, va="top")
+        _scale(figure, grid[line, 4 * block + 3], _most(moved))
+    figure.suptitle(title, fontsize=14, y=1 - 0.1 / tall, va="top")
+    note = "colour: total displacement in mm, each muscle on a scale of its own; transparent: at rest"
+    figure.text(0.5, 1 - 0.4 / tall, note, ha="center", va="top", fontsize=10)
     paths = [path, path.with_suffix(".pdf")]
     for target in paths:
         figure.savefig(target, dpi=220)
@@ -90,16 +84,22 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     return paths
 
 
+def _most(moved: pv.UnstructuredGrid) -> float:
+    """The largest displacement in mm, not quite zero."""
+    return max(float(moved["displacement"].max()), 1e-6)
+
+
 def _label(name: str) -> str:
     return f"{name}  {CATALOGUE[name].full_name.replace('_', ' ')}"
 
 
-def _scale(figure: plt.Figure, axes: plt.Axes, most: float) -> None:
+def _scale(figure: plt.Figure, place: SubplotSpec, most: float) -> None:
+    axes = figure.add_subplot(place)
     axes.set_axis_off()
-    inner = axes.inset_axes((0.06, 0.5, 0.88, 0.12))
-    figure.colorbar(ScalarMappable(Normalize(0, most), COLOURS), cax=inner, orientation="horizontal").set_label(
-        "total displacement in mm, one scale for all muscles; transparent: at rest", fontsize=10
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(0, most), COLOURS), cax=axes.inset_axes((0.05, 0.15, 0.22, 0.7)), ticks=[0, most / 2, most]
     )
+    bar.ax.set_yticklabels(["0", f"{most / 2:.1f}", f"{most:.1f}"], fontsize=8)
 
 
 def _picture(
@@ -108,7 +108,6 @@ def _picture(
     camera: tuple[tuple[float, ...], tuple[float, ...]],
     centre: Floats,
     radius: float,
-    most: float,
 ) -> Image:
     """One view, in parallel projection on white."""
     plotter = pv.Plotter(off_screen=True, window_size=(PIXELS, PIXELS))
@@ -116,7 +115,7 @@ def _picture(
         smooth = {"smooth_shading": True, "show_scalar_bar": False}
         plotter.set_background("white")
         plotter.enable_parallel_projection()
-        plotter.add_mesh(skin(moved), scalars="displacement", cmap=COLOURS, clim=(0.0, most), ambient=0.25, **smooth)
+        plotter.add_mesh(skin(moved), scalars="displacement", cmap=COLOURS, clim=(0.0, _most(moved)), ambient=0.25, **smooth)
         plotter.add_mesh(skin(rest), color="gray", opacity=0.3, culling="front", **smooth)
         plotter.view_vector(camera[0], viewup=camera[1])
         plotter.camera.focal_point = centre
