@@ -139,7 +139,7 @@ def trajectories(run: Run) -> Path:
         over_time.plot(t, x - x[0], color=colour, label=f"{name}, backward")
         over_time.plot(t, z - z[0], "--", color=colour, label=f"{name}, upward")
         speeds.plot(t, 1e2 * speed, color=colour, label=name)
-        bends.semilogy(t, curvature, ".-", color=colour, markersize=3, linewidth=0.8, label=name)
+        bends.semilogy(t, curvature, ".", color=colour, markersize=3, label=name)
     over_time.set(title="displacement", ylabel="mm")
     speeds.set(title="tangential speed", ylabel="cm/s", ylim=(0, None))
     bends.set(title=f"curvature, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")

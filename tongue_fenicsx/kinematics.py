@@ -13,7 +13,7 @@ from .fibres import Floats
 if TYPE_CHECKING:
     from .results import Run
 
-SLOW = 5e-3
+SLOW = 1e-2
 """Speed in m/s below which a path is not said to bend: a point that rests or turns back has no direction."""
 
 
