@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from .muscles import CATALOGUE, PEAK_STRESS
 from .results import Run
 from .scenario import dump
 from .simulation import Report
+from .tonguemesh import on_rank_zero
 
 MUSCLES = tuple(name for name in CATALOGUE if name != "GGH")
 """All eleven."""
@@ -63,7 +66,7 @@ def movements(
     for name in muscles:
         case = solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name]).model_copy(update={"probes": {key: key for key in LANDMARKS}})
         place, text = folder / name, dump(case)
-        finished = MPI.COMM_WORLD.bcast(_finished(place, text))
+        finished = on_rank_zero(MPI.COMM_WORLD, partial(_finished, place, text))
         if not finished:
             simulation_of(case, place).run(case.time.end, place, report=report, scenario=text)
         runs[name] = Run(place)
@@ -72,8 +75,9 @@ def movements(
 
 
 def _finished(folder: Path, scenario: str) -> bool:
-    path = folder / "scenario.toml"
-    return path.is_file() and path.read_text(encoding="utf-8") == scenario and Run(folder).summary.get("status") == "done"
+    asked, done = folder / "scenario.toml", folder / "summary.json"
+    same = asked.is_file() and asked.read_text(encoding="utf-8") == scenario
+    return same and done.is_file() and json.loads(done.read_text(encoding="utf-8"))["status"] == "done"
 
 
 def row(name: str, run: Run) -> Row:
