@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -34,6 +34,10 @@ errors = Console(stderr=True, soft_wrap=True, highlight=False)
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario, e.g. tissue.nu=0.499.")
 ]
+MeshFile = Annotated[Path | None, typer.Option("--mesh", metavar="FILE.msh", help="A mesh; without it the parametric tongue.")]
+MeshPreset = Annotated[str | None, typer.Option("--preset", help="Of the parametric tongue: coarse, medium or reference.")]
+Tissue = Annotated[str, typer.Option("--tissue", help="calka, buchaillard or kappert.")]
+Muscles = Annotated[list[str] | None, typer.Option("--muscle", metavar="NAME", help="Only this muscle; may be repeated.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folder.")]
 
 
@@ -216,10 +220,10 @@ def run(
 
 
 class _Bar:
-    """Progress with time, step, Newton iterations and the time that is left; plain lines where no terminal is."""
+    """Progress with time, step, Newton iterations and the time that is left; plain lines, if wanted, where no terminal is."""
 
-    def __init__(self, active: bool) -> None:
-        self._tenth = -1
+    def __init__(self, active: bool, lines: bool = True) -> None:
+        self._active, self._lines, self._tenth = active, lines, -1
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -242,9 +246,14 @@ class _Bar:
         text = f"t {1e3 * p.t:.1f} of {1e3 * p.t_end:.0f} ms, step {p.step} ({1e3 * p.h:.2g} ms), {p.newton} Newton, {p.krylov} {p.rung}"
         self._bar.update(self._task, description=text, completed=p.t, total=p.t_end)
         tenth = int(10 * p.t / p.t_end + 1e-9)
-        if not console.is_terminal and tenth > self._tenth:
+        if self._lines and not console.is_terminal and tenth > self._tenth:
             console.print(text)
             self._tenth = tenth
+
+    def say(self, line: str) -> None:
+        """Print a line that stays."""
+        if self._active:
+            console.print(line)
 
 
 @app.command()
@@ -286,6 +295,92 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
         console.print(f"contact with {name}: {contact.form}")
     model.weak_form([])  # is the tongue at rest outside the obstacles?
     console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")
+
+
+@app.command()
+def calibrate(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.toml", help="The stresses, as a scenario takes them.")],
+    mesh: MeshFile = None,
+    preset: MeshPreset = None,
+    tissue: Tissue = "calka",
+    strain: Annotated[float, typer.Option(help="Von Mises Hencky strain to reach, 99th percentile by volume.")] = 0.5,
+    muscle: Muscles = None,
+) -> None:
+    """Find the peak stress with which each tongue muscle alone reaches a strain."""
+    from mpi4py import MPI
+
+    from . import calibration, solo
+    from .scenario import to_toml
+    from .tonguemesh import on_rank_zero
+
+    comm = MPI.COMM_WORLD
+    if output.suffix != ".toml":
+        raise InputError(f"{output}: the file must end in .toml.")
+    preset = _solo_options(mesh, preset, tissue, muscle, calibration.TONGUE_MUSCLES)
+    calibration.check_target(strain)
+    on_rank_zero(comm, lambda: check_outputs(output.parent, [output.name]))
+    with tempfile.TemporaryDirectory() as folder, _Bar(comm.rank == 0, lines=False) as bar:
+        path = solo.mesh_of(mesh, preset, Path(comm.bcast(folder)))
+        muscles = solo.muscles_in(path, calibration.TONGUE_MUSCLES, muscle)
+        found = calibration.calibrate(path, muscles, tissue, strain, bar.say, bar)
+    if comm.rank == 0:
+        name = f"parametric tongue, {preset}" if mesh is None else mesh.name
+        output.write_text(calibration.HEADER + to_toml(calibration.table(found, name, tissue, strain)), encoding="utf-8")
+        table = Table("muscle", "peak stress kPa", "strain", "runs", "", title=f"{name}, tissue {tissue}, strain {strain:g}")
+        for key, f in found.items():
+            note = "" if f.reached else f"{strain:g} is not reached up to {1e-3 * f.limit:g} kPa"
+            table.add_row(key, f"{1e-3 * f.stress:g}", f"{f.strain:.3f}", str(f.runs), note)
+        console.print(table)
+        console.print(f"wrote {output}")
+
+
+@app.command()
+def atlas(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A run folder for each muscle, the table and the plate.")],
+    mesh: MeshFile = None,
+    preset: MeshPreset = None,
+    tissue: Tissue = "calka",
+    muscle: Muscles = None,
+) -> None:
+    """Move each muscle alone: a table of what it does, and a plate of pictures."""
+    from mpi4py import MPI
+
+    from . import atlas, solo
+    from .tonguemesh import on_rank_zero
+
+    comm = MPI.COMM_WORLD
+    preset = _solo_options(mesh, preset, tissue, muscle, atlas.MUSCLES)
+    on_rank_zero(comm, lambda: check_outputs(output, atlas.FILES))
+    with _Bar(comm.rank == 0, lines=False) as bar:
+        path = solo.mesh_of(mesh, preset, output)
+        muscles = solo.muscles_in(path, atlas.MUSCLES, muscle)
+        runs = atlas.movements(output, path, muscles, tissue, bar.say, bar)
+    if comm.rank == 0:
+        from . import plate
+
+        columns, *rows = atlas.written(runs, output)
+        table = Table(*columns, title=f"each muscle alone, tissue {tissue}; x backward, z upward")
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+        title = f"{next(iter(runs.values())).summary['name']}, tissue {tissue}: each muscle alone at full activation for 250 ms"
+        plate.plate(runs, output / "atlas.png", title)
+        console.print("wrote " + ", ".join(str(output / name) for name in atlas.FILES))
+
+
+def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
+    """Check what calibrate and atlas have in common; return the preset."""
+    from .meshing import PRESETS
+    from .scenario import TISSUES
+
+    if mesh is not None and preset is not None:
+        raise InputError("--mesh and --preset: give one of them.")
+    preset = preset or "coarse"
+    named: list[tuple[str, str, Collection[str]]] = [("--preset", preset, PRESETS), ("--tissue", tissue, TISSUES)]
+    for option, value, accepted in (*named, *(("--muscle", name, known) for name in some or ())):
+        if value not in accepted:
+            raise InputError(f"{option}: {value!r} is not one of {', '.join(accepted)}.")
+    return preset
 
 
 @app.command()
@@ -347,6 +442,10 @@ def _exit_code(command: Callable[[], Any]) -> int:
         return 2
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 1
+    except KeyboardInterrupt:
+        if _rank() == 0:
+            errors.print("interrupted")
+        return 130
     except Exception:
         traceback.print_exc()
         if _size() > 1:  # the other ranks wait in a collective call

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from itertools import zip_longest
+from itertools import cycle, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from .epg import ELECTRODES
 from .fibres import Floats
 from .grids import grids, skin
+from .kinematics import SLOW, motion
 from .surface import Surface
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ COLOURS = "viridis"
 BONE = "#b3926a"
 FRAMES = 24
 """How many electropalatograms are drawn at most."""
+PATHS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
 PROBES = ("tip", "dorsum", "root")
 """Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
 
@@ -118,20 +120,31 @@ def view3d(run: Run, index: int | None = None) -> Path:
 
 
 def trajectories(run: Run) -> Path:
-    """Paths of tip, dorsum and root in the mid-sagittal plane, and their displacement over time, as PNG and PDF."""
+    """Paths of tip, dorsum and root in the mid-sagittal plane (the chapter's Figure 4.6), and over time their displacement (Figure 4.7),
+    tangential speed and curvature, as PNG and PDF."""
     names = [name for name in PROBES if name in run.probes] or list(run.probes)
-    figure, (plane, over_time) = plt.subplots(1, 2, figsize=(10, 4.4), layout="constrained")
-    for colour, name in zip(plt.rcParams["axes.prop_cycle"].by_key()["color"], names, strict=False):
-        x, _, z = 1e3 * run.probes[name].T
-        plane.plot(x, z, color=colour, label=name)
-        plane.plot(x[-1], z[-1], "o", color=colour, markersize=5)
-        over_time.plot(1e3 * run.time, x, color=colour, label=f"{name}, backward")
-        over_time.plot(1e3 * run.time, z, "--", color=colour, label=f"{name}, upward")
-    plane.plot(0, 0, "k+")
-    plane.set(xlabel="← forward    displacement in mm    backward →", ylabel="upward in mm", title="paths from rest (+) to the end (•)")
-    plane.set_aspect("equal", adjustable="datalim")
-    over_time.set(xlabel="time in ms", ylabel="displacement in mm", title="over time")
-    for axes in (plane, over_time):
+    figure = plt.figure(figsize=(12, 8.5), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=[1, 1.1])
+    over_time, speeds, bends = below.subplots(1, 3)
+    t = 1e3 * run.time
+    for colour, name, plane in zip(cycle(PATHS), names, above.subplots(1, len(names), squeeze=False)[0], strict=False):
+        place = run.rest[name] + run.probes[name]
+        speed, curvature = motion(run.time, place)
+        x, _, z = 1e3 * place.T
+        plane.plot(x, z, ".-", color=colour, markersize=2.5, linewidth=1)
+        plane.plot(x[0], z[0], "k+", x[-1], z[-1], "ko", markersize=5)
+        plane.set(title=f"{name}: from rest (+) to the end (•)", xlabel="← front    x in mm    back →", ylabel="z in mm")
+        plane.set_aspect("equal", adjustable="datalim")
+        plane.grid(alpha=0.3)
+        over_time.plot(t, x - x[0], color=colour, label=f"{name}, backward")
+        over_time.plot(t, z - z[0], "--", color=colour, label=f"{name}, upward")
+        speeds.plot(t, 1e2 * speed, color=colour, label=name)
+        bends.semilogy(t, curvature, ".", color=colour, markersize=3, label=name)
+    over_time.set(title="displacement", ylabel="mm")
+    speeds.set(title="tangential speed", ylabel="cm/s", ylim=(0, None))
+    bends.set(title=f"curvature, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")
+    for axes in (over_time, speeds, bends):
+        axes.set(xlabel="time in ms", xlim=(0, t[-1]))
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
     figure.suptitle(_title(run))

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib.resources import files
+from typing import Any
 
 from .errors import InputError
 
@@ -61,14 +64,14 @@ BUCHAILLARD_STRESS: dict[str, float] = {
 """Peak active stress in Pa with the same virial as the published maximal forces along the published fibres
 (Buchaillard 2009; sum of force times length over muscle volume)."""
 
-CALKA_STRESS: dict[str, float] = {
-    **dict.fromkeys(CATALOGUE, 3.0e3),
-    "GH": 3.0e3 * 162 / 49.7,
-    "MH": 3.0e3 * 154 / 49.7,
+CALIBRATION: dict[str, Any] = tomllib.loads((files(__package__) / "data" / "calka_stress.toml").read_text(encoding="utf-8"))
+"""What ``tongue calibrate`` wrote for the tissue of the chapter: the stresses, and how they were found."""
+
+CALKA_STRESS: dict[str, float] = CALIBRATION["muscles"]["sigma_max"] | {
+    name: CALIBRATION["muscles"]["sigma_max"]["GGP"] * BUCHAILLARD_STRESS[name] / BUCHAILLARD_STRESS["GGP"] for name in ("GGH", "GH", "MH")
 }
-"""Peak active stress in Pa for the cadaver-soft tissue of the chapter, which prints none: 3 kPa gives GGP a root advance
-near the 9 ± 3 mm of stimulated tongues; GH and MH, bonded at both ends, keep their published ratio to GGP.
-Provisional until each muscle is calibrated."""
+"""Peak active stress in Pa for the cadaver-soft tissue of the chapter, which prints none: each tongue muscle alone at full activation
+reaches its Hencky strain of about 0.5. GH and MH, bonded at both ends, keep their published ratio to GGP, and GGH is a part of it."""
 
 PEAK_STRESS: dict[str, dict[str, float]] = {
     "calka": CALKA_STRESS,

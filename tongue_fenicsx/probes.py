@@ -24,10 +24,16 @@ class Probes:
         The mesh.
     points : mapping
         Name to landmark name or coordinates (3,) in m.
+
+    Attributes
+    ----------
+    rest : dict
+        Name to coordinates (3,) in m.
     """
 
     def __init__(self, tongue: TongueMesh, points: Mapping[str, str | Any]) -> None:
         self.names = list(points)
+        self.rest: dict[str, Floats] = {}
         mesh = tongue.mesh
         tree = geometry.bb_tree(mesh, 3, entities=np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
         self._owned: list[tuple[int, int, Floats]] = []
@@ -40,6 +46,7 @@ class Probes:
             point = np.asarray(where, dtype=float)
             if point.shape != (3,) or not np.isfinite(point).all():
                 raise InputError(f"probes.{name}: three finite coordinates or the name of a landmark are expected.")
+            self.rest[name] = point
             cell, reference, distance = _nearest(mesh, tree, point)
             nearest = mesh.comm.allgather(distance)
             if min(nearest) > 1e-3:

@@ -113,6 +113,7 @@ STATE = ("u", "v", "acceleration", "auxiliary", "pressure")
 
 RUN_FILES = [
     "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5", "epg.csv",
+    "trajectories.csv",
     *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg") for kind in ("png", "pdf")),
     "figures/view3d.png",
 ]  # fmt: skip
@@ -128,11 +129,11 @@ class RunWriter:
         The run folder; it exists and is writable.
     V : fem.FunctionSpace
         Space of the displacement.
-    probes : sequence of str
-        Names of the probes.
+    probes : mapping
+        Names of the probes to their points (3,) in m of the rest shape.
     """
 
-    def __init__(self, folder: Path, V: fem.FunctionSpace, probes: list[str]) -> None:
+    def __init__(self, folder: Path, V: fem.FunctionSpace, probes: Mapping[str, Floats]) -> None:
         self.folder, self._probes = folder, probes
         self.numbering = Numbering(V)
         self._root = V.mesh.comm.rank == 0
@@ -203,7 +204,7 @@ class RunWriter:
             with h5py.File(path, "w") as file:
                 file["time"] = [row["t"] for row in self.rows]
                 file["probes"] = np.array([row["probes"] for row in self.rows]).reshape(len(self.rows), -1, 3).transpose(1, 0, 2)
-                file["probes"].attrs["names"] = self._probes
+                file["probes"].attrs.update({"names": list(self._probes), "rest": np.reshape(list(self._probes.values()), (-1, 3))})
                 file["volume_ratio"] = [row["volume_ratio"] for row in self.rows]
                 for name in ENERGIES:
                     file[f"energy/{name}"] = [row[name] for row in self.rows]

@@ -34,6 +34,8 @@ class Run:
         Times of all steps in s.
     probes : dict
         Name to displacement (n_t, 3) in m.
+    rest : dict
+        Name of each probe to its point (3,) in m of the rest shape.
     energy : dict
         Name to energy or work (n_t,) in J.
     support : dict
@@ -57,7 +59,9 @@ class Run:
             raise InputError(f"{self.folder}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
         with reading(history, WHOLE), h5py.File(history, "r") as file:
             self.time: Floats = file["time"][:]
-            self.probes: dict[str, Floats] = dict(zip(file["probes"].attrs["names"], file["probes"][:], strict=True))
+            names, rest = (file["probes"].attrs[key] for key in ("names", "rest"))
+            self.probes: dict[str, Floats] = dict(zip(names, file["probes"][:], strict=True))
+            self.rest: dict[str, Floats] = dict(zip(names, rest, strict=True))
             self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
             self.support: dict[str, Floats] = {name: data[:] for name, data in file.get("support", {}).items()}
             self.contact: dict[str, dict[str, Floats]] = {
@@ -119,11 +123,12 @@ class Run:
 
     def plot(self) -> list[Path]:
         """Draw all figures of the run into ``figures/`` and return the files."""
-        from . import figures
+        from . import figures, kinematics
         from .epg import PALATES, electropalatogram
 
         paths = [figures.midsagittal(self), figures.view3d(self)]
         if self.probes:
+            kinematics.write(self, self.folder / "trajectories.csv")
             paths.append(figures.trajectories(self))
         if self.contact:
             paths.append(figures.contact(self))

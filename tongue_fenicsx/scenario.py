@@ -476,16 +476,17 @@ def _known_keys(where: list[Any]) -> list[str]:
 
 def dump(scenario: Scenario) -> str:
     """The scenario as TOML, with all defaults written out."""
-    return _toml(scenario.model_dump(exclude_none=True))
+    return to_toml(scenario.model_dump(exclude_none=True))
 
 
-def _toml(table: Mapping[str, Any], prefix: str = "") -> str:
+def to_toml(table: Mapping[str, Any], prefix: str = "") -> str:
+    """A table as TOML."""
     plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
     text = "".join(f"{_key(key)} = {_value(value)}\n" for key, value in plain.items())
     for key, value in table.items():
         if isinstance(value, dict) and value:
             name = f"{prefix}{_key(key)}"
-            inner = _toml(value, f"{name}.")
+            inner = to_toml(value, f"{name}.")
             header = "" if all(isinstance(v, dict) for v in value.values()) else f"\n[{name}]\n"
             text += header + inner
     return text

@@ -218,7 +218,7 @@ class _Loop:
         self._solver = Newton(weak, self.scheme, self.simulation.tolerances, self.say)
         self.measures = Measures(weak, self.scheme, self._solver.forces)
         self.extra = ExtraFields(weak, self.scheme.v, self.measures, self.stepping.fields)
-        self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.names)
+        self.writer = RunWriter(self.folder, weak.V, self.simulation.probes.rest)
         checkpoint = self.writer.read_checkpoint(self._identity()) if self.resume else None
         if self.comm.rank == 0:
             self._log = open(self.folder / "log.txt", "a" if self.resume else "w", encoding="utf-8")  # noqa: SIM115

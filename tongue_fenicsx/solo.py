@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: MIT
+"""One muscle alone: the chapter's protocol (Figure 4.4, in red), which calibration and atlas share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mpi4py import MPI
+
+from . import meshing
+from .errors import InputError
+from .muscles import CATALOGUE, base_name, resolve
+from .parametric import parametric_tongue
+from .scenario import Scenario
+from .tonguemesh import TongueMesh, on_rank_zero
+
+RISE, HOLD = 0.1, 0.25
+"""In s: full activation after 100 ms, held to 350 ms."""
+
+
+def mesh_of(mesh: Path | None, preset: str, folder: Path) -> Path:
+    """The mesh file: the given one, or that of the parametric tongue, built in `folder` if it is not there yet."""
+    if mesh is not None:
+        return mesh
+    path = folder / f"{preset}.msh"
+    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(parametric_tongue(), path, meshing.PRESETS[preset]))
+    return path
+
+
+def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) -> list[str]:
+    """Those of the `wanted` muscles that the mesh has; or `some`, if given.
+
+    Raises
+    ------
+    InputError
+        If the mesh cannot be read, has not `some` of them, or none at all.
+    """
+    tongue = TongueMesh.read(mesh, MPI.COMM_WORLD)
+    for name in some or ():
+        resolve(name, tongue.muscles, "--muscle")
+    available = set(map(base_name, tongue.muscles))
+    found = list(dict.fromkeys(some or [name for name in CATALOGUE if name in wanted and name in available]))
+    if not found:
+        raise InputError(f"{mesh}: has none of the muscles {', '.join(wanted)}.")
+    return found
+
+
+def scenario(muscle: str, mesh: Path, tissue: str, stress: float) -> Scenario:
+    """Both sides of a muscle from 0 to 1 in 100 ms, held to 350 ms: no gravity, contact or stiffening.
+
+    Parameters
+    ----------
+    muscle : str
+        Without side.
+    mesh : Path
+        Mesh file.
+    tissue : str
+        Preset.
+    stress : float
+        Peak active stress in Pa.
+    """
+    return Scenario.model_validate(
+        {
+            "mesh": {"file": str(mesh)},
+            "tissue": {"preset": tissue},
+            "muscles": {"sigma_max": {muscle: stress}},
+            "time": {"end": RISE + HOLD},
+            "activation": {muscle: {"pieces": [(RISE, 0.0, 1.0), (HOLD, 1.0, 1.0)]}},
+        }
+    )
