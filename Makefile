@@ -1,6 +1,7 @@
 # make demo   build the coarse tongue, move it, leave pictures in runs/ggp/figures
 # make test   lint, types, tests (part of them also on two ranks)
-# Both need Python >= 3.12, a C compiler and make; everything else goes into .venv/
+# make bench  what the solver costs, in minutes, against the committed numbers; make bench-full at the chapter's size, an hour
+# They need Python >= 3.12, a C compiler and make; everything else goes into .venv/
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +9,7 @@ PYTHON ?= $(shell for p in python3.13 python3.14 python3.12 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 12))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test lint clean
+.PHONY: demo test bench bench-full lint clean
 
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
@@ -18,6 +19,12 @@ demo: $(VENV)/ready
 test: $(VENV)/ready lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 	$(BIN)/mpiexec -n 2 $(BIN)/python -m pytest -m parallel -p no:cacheprovider </dev/null
+
+bench: $(VENV)/ready
+	$(BIN)/python -m benchmarks
+
+bench-full: $(VENV)/ready
+	$(BIN)/python -m benchmarks --full
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -129,7 +129,7 @@ class Newton:
         snes.setFunction(self._assemble_residual, self._b)
         snes.setJacobian(self._assemble_tangent, self._operator)
         snes.setType("newtonls")
-        snes.getLineSearch().setType("cp" if weak.contacts.terms else "bt")  # contact: norms mislead where it opens and closes
+        snes.getLineSearch().setType("bt")
         snes.setTolerances(rtol=tolerances.rtol, atol=tolerances.atol, stol=0.0, max_it=tolerances.max_newton)
         snes.setFromOptions()
         self._snes = snes

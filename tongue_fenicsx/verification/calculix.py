@@ -45,7 +45,7 @@ def calculix() -> Iterator[Row]:
             stepping = Stepping(step_max=step, output_every=end / 10, quasi_static=static, spectral_radius=0.9)
             run = Simulation(model, probes={"tip": probe}, stepping=stepping, tolerances=Tolerances(rtol=1e-8)).run(end, path / "run")
             t, ours = run.time, run.probes["tip"][:, 2]
-            theirs = _run_calculix(model, probe, static, end, step, path) if MPI.COMM_WORLD.rank == 0 else None
+            theirs = run_calculix(model, probe, static, end, step, path) if MPI.COMM_WORLD.rank == 0 else None
             theirs = MPI.COMM_WORLD.bcast(theirs)
             assert theirs is not None
         error = float(abs(np.interp(theirs[:, 0], t, ours) - theirs[:, 1]).max() / abs(theirs[:, 1]).max())
@@ -58,7 +58,7 @@ def calculix() -> Iterator[Row]:
         )
 
 
-def _run_calculix(model: Model, probe: tuple[float, float, float], static: bool, end: float, step: float, folder: Path) -> Floats:
+def run_calculix(model: Model, probe: tuple[float, float, float], static: bool, end: float, step: float, folder: Path) -> Floats:
     """Time and vertical displacement of a node, (n, 2), from CalculiX."""
     V = fem.functionspace(model.tongue.mesh, ("P", 2, (3,)))
     numbering = Numbering(V)

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+"""The measurements: assembly, solver and the chapter's case."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+import tongue_fenicsx as tf
+from tongue_fenicsx import meshing
+from tongue_fenicsx.solver import Newton, Tolerances
+from tongue_fenicsx.timestep import GeneralizedAlpha
+from tongue_fenicsx.verification.rows import box, with_fibres
+
+from .timing import EVENTS, Finished, run, seconds
+
+CHAPTER = Path(__file__).with_name("chapter.toml")
+PRESETS: dict[str, dict[str, Any]] = {
+    "ν = 0.49": {"nu": 0.49, "mixed": False},
+    "ν = 0.499": {"nu": 0.499, "mixed": False},
+    "ν = 0.4999, mixed": {"nu": 0.4999, "mixed": True},
+}
+
+
+def mesh(preset: str | float, folder: Path) -> Path:
+    """The built-in tongue at a preset or an element size in m; kept in `folder`."""
+    path = folder / f"tongue_{preset}.msh"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        meshing.build(tf.parametric_tongue(), path, meshing.PRESETS[preset] if isinstance(preset, str) else preset)
+    return path
+
+
+def assembly(file: Path, repeats: int) -> dict[str, dict[str, float]]:
+    """µs per cell for residual and tangent, with GGP alone and with all muscles."""
+    tongue = tf.TongueMesh.read(file)
+    cells = tongue.mesh.topology.index_map(3).size_global
+    found = {}
+    for name, muscles in (("GGP", ["GGP_L", "GGP_R"]), ("all muscles", list(tongue.muscles))):
+        weak = tf.Model(tongue).weak_form(muscles)
+        newton = Newton(weak, GeneralizedAlpha(weak.u), Tolerances(), print)
+        newton.forces.repack()
+        times = {
+            "residual": median(seconds(newton.forces.unbalanced) for _ in range(repeats)),
+            "tangent": median(seconds(newton._assemble_full) for _ in range(repeats)),
+        }
+        found[name] = {key: 1e6 * value / cells for key, value in times.items()}
+        newton.destroy()
+    return found
+
+
+def solver(n: int, preset: dict[str, Any]) -> dict[str, float]:
+    """One step of 5 ms of a block of 12 n³ tetrahedra, fibres at half activation: what a Newton iteration costs, in s."""
+    law = tf.Yeoh(192.0, 90.0, preset["nu"])
+    model = tf.Model(with_fibres(box((0.06, 0.03, 0.03), (2 * n, n, n))), law, fixed=["wall"], mixed=preset["mixed"])
+    before = {event: PETSc.Log.Event(event).getPerfInfo()["time"] for of in EVENTS.values() for event in of}
+    stepping = tf.Stepping(step_max=5e-3, output_every=5e-3)
+    with tempfile.TemporaryDirectory() as folder:
+        run = tf.Simulation(model, {"GGP_L": tf.ramp(0.005, 0.1, 0.5)}, {"tip": (0.06, 0.015, 0.015)}, stepping).run(
+            5e-3, Path(folder) / "run"
+        )
+    s = run.summary
+    row = {"unknowns": s["n_dofs"], "newton": s["newton_iterations"], "krylov": s["krylov_iterations"] / s["newton_iterations"]}
+    for name, of in EVENTS.items():
+        row[name] = sum(PETSc.Log.Event(event).getPerfInfo()["time"] - before[event] for event in of) / s["newton_iterations"]
+    return row | {"total": sum(row[name] for name in EVENTS)}
+
+
+def exponent(rows: list[dict[str, float]], name: str = "total") -> float:
+    """p of the fit cost ∝ unknownsᵖ."""
+    return float(np.polyfit(np.log([row["unknowns"] for row in rows]), np.log([row[name] for row in rows]), 1)[0])
+
+
+def trajectory_error(coarse: Path, fine: Path) -> float:
+    """Largest difference of a probe at a time of both runs, over that probe's largest displacement."""
+    a, b = tf.Run(coarse), tf.Run(fine)
+    return max(
+        float(np.linalg.norm(path - np.column_stack([np.interp(a.time, b.time, b.probes[name][:, i]) for i in range(3)]), axis=1).max())
+        / float(np.linalg.norm(b.probes[name], axis=1).max())
+        for name, path in a.probes.items()
+    )
+
+
+def chapter(file: Path, folder: Path, step: float, ranks: int = 1) -> Finished:
+    """The chapter's case on a mesh with a step in s."""
+    return run(CHAPTER, folder / f"{file.stem}-{1e3 * step:g}ms-{ranks}", f"mesh.file={file.resolve()}", f"time.step={step}", ranks=ranks)
+
+
+def time_steps(file: Path, folder: Path, steps: list[float]) -> Iterator[dict[str, float]]:
+    """Error of the trajectories against the last, smallest step, and cost."""
+    runs = {step: chapter(file, folder, step) for step in steps}
+    finest = folder / f"{file.stem}-{1e3 * steps[-1]:g}ms-1"
+    for step in steps[:-1]:
+        error = trajectory_error(folder / f"{file.stem}-{1e3 * step:g}ms-1", finest)
+        yield {"step_ms": 1e3 * step, "error": error, "newton_per_step": runs[step].newton_per_step, "seconds": runs[step].seconds}

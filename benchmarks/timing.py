@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: MIT
+"""Times from PETSc's own log, and runs of the command in a process of their own."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+EVENTS = {
+    "tangent": ("SNESJacobianEval",),
+    "residual": ("SNESFunctionEval",),
+    "set-up": ("PCSetUp",),
+    "Krylov": ("KSPSolve",),
+}
+"""What a Newton iteration consists of, in events of PETSc; the tangent with its Galerkin product."""
+
+
+@dataclass
+class Finished:
+    """A run of the command in its own process: what its summary says, seconds of the whole process, and of PETSc's events."""
+
+    summary: dict[str, Any]
+    seconds: float
+    memory_gib: float
+    events: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def newton_per_step(self) -> float:
+        """Newton iterations per accepted step."""
+        return float(self.summary["newton_iterations"] / self.summary["n_steps"])
+
+    @property
+    def krylov_per_newton(self) -> float:
+        """Krylov iterations per Newton iteration."""
+        return float(self.summary["krylov_iterations"] / self.summary["newton_iterations"])
+
+
+def run(scenario: Path, output: Path, *changes: str, ranks: int = 1, environment: dict[str, str] | None = None) -> Finished:
+    """``tongue run`` in a process of its own, with PETSc's log."""
+    log = output.with_suffix(".csv")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o", str(output)]
+    command += [word for change in changes for word in ("--set", change)]
+    if ranks > 1:
+        command = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks), *command]
+    settings = os.environ | {"OMP_NUM_THREADS": "1", "PETSC_OPTIONS": f"-log_view :{log}:ascii_csv"} | (environment or {})
+    start = time.perf_counter()
+    subprocess.run(command, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
+    seconds = time.perf_counter() - start
+    rows = [row for row in csv.DictReader(log.read_text().splitlines()) if row["Rank"] == "0"]
+    events = {name: sum(float(row["Time"]) for row in rows if row["Event Name"] in of) for name, of in EVENTS.items()}
+    largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024**2  # of any child so far
+    return Finished(json.loads((output / "summary.json").read_text()), seconds, largest, events)
+
+
+def repeated(work: Callable[[], float], times: int) -> float:
+    """The median of a measurement."""
+    return median(work() for _ in range(times))
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """How long it takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def machine() -> dict[str, Any]:
+    """The processor and memory, without names of hosts."""
+    text = Path("/proc/cpuinfo").read_text()
+    model = re.search(r"model name\s*:\s*(.*)", text)
+    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return {"processor": model.group(1) if model else "unknown", "cores": os.cpu_count(), "memory_gib": round(pages / 2**30, 1)}
