@@ -158,15 +158,18 @@ surface = "ball.stl"
 """
 
 
+def written(folder: Path) -> Path:
+    """The scenario and its ball, in a folder."""
+    path = folder / "contact.toml"
+    path.write_text(SCENARIO)
+    pv.Sphere(radius=0.01, center=(0.0, 0.0, 0.15)).save(folder / "ball.stl")
+    return path
+
+
 def test_scenario(tongue: tf.TongueMesh, tongue_file: Path) -> None:
     """Bones of the mesh, files, planes and balls become obstacles in m, and the resolved scenario says the same again."""
     path = tongue_file.parent / "contact.toml"
-
-    def write() -> None:
-        path.write_text(SCENARIO)
-        pv.Sphere(radius=0.01, center=(0.0, 0.0, 0.15)).save(path.parent / "ball.stl")
-
-    on_rank_zero(tongue.comm, write)
+    on_rank_zero(tongue.comm, lambda: written(tongue_file.parent))
     scenario = load(path)
     contacts = simulation_of(scenario, path.parent).model.contacts
     assert list(contacts) == ["palate", "lower_teeth", "screen", "ball", "file"]
@@ -203,9 +206,7 @@ def test_scenario(tongue: tf.TongueMesh, tongue_file: Path) -> None:
 )
 def test_bad_scenario(tongue_file: Path, change: str, message: str) -> None:
     """One sentence names key and fault."""
-    path = tongue_file.parent / "contact.toml"
-    if not path.exists():
-        path.write_text(SCENARIO)
+    path = written(tongue_file.parent)
     with pytest.raises(tf.InputError, match=message):
         simulation_of(load(path, [change]), path.parent)
 

@@ -110,7 +110,8 @@ def hertz(divisions: tuple[int, ...] = (8, 12)) -> Iterator[Row]:
     errors = []
     for n in divisions:
         block = _quarter(n, 20 * reach)
-        weak = Model(block, law, fixed=["far"], contacts={"ball": Contact(Sphere((0, 0, radius), radius))}).weak_form([])
+        ball = Contact(Sphere((0, 0, radius), radius), stiffness=10.0)  # what is pressed in adds to the radius
+        weak = Model(block, law, fixed=["far"], contacts={"ball": ball}).weak_form([])
         given = fem.Function(weak.V)
         given.interpolate(lambda X: np.where(np.linalg.norm(X, axis=0) > reach, far(np.where(X == 0, 1e-12, X)), 0.0))
         nodes = weak.supports["far"]
