@@ -46,7 +46,7 @@ def row_of(name: str, done: Finished) -> dict[str, Any]:
 def measurements(full: bool) -> dict[str, Table]:
     """All tables."""
     preset = "reference" if full else "coarse"
-    step = 8.4e-3
+    step = 7.2e-3
     say("peers")
     found: dict[str, Table] = {
         "peers": [vars(peer) | {"per newton (s)": peer.per_newton} for peer in peers.peers(*((8, 10) if full else (4, 10)))]

@@ -172,7 +172,9 @@ class Newton:
             if code != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
                 break
             why = self._snes.getKSP().getConvergedReason()
-            self._log(f"  {rung} failed in the linear solve ({_reason(why, PETSc.KSP)}); next rung")
+            self._log(f"  {rung} failed in the linear solve ({_reason(why, PETSc.KSP)})")
+            if why == PETSc.KSP.ConvergedReason.DIVERGED_NANORINF:
+                break  # an inverted element, which no solver mends
             if why == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
                 self._ksp.pop(rung).destroy()  # it would remember the failure
         return Outcome(False, newton, self._krylov, rung, reason)
