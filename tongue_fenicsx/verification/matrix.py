@@ -7,7 +7,7 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 
 from mpi4py import MPI
@@ -76,7 +76,7 @@ class Cell:
     holds: bool
 
     def __str__(self) -> str:
-        return "no solution" if self.value != self.value else f"{self.value:+.2f}"
+        return "no solution" if isnan(self.value) else f"{self.value:+.2f}"
 
 
 Matrix = dict[tuple[str, Criterion], dict[Column, Cell]]
