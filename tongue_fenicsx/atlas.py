@@ -16,7 +16,7 @@ from . import solo
 from .assemble import simulation_of
 from .muscles import CATALOGUE, PEAK_STRESS
 from .run import Run
-from .scenario import dump
+from .scenario import Scenario, dump
 from .simulation import Report
 from .tonguemesh import on_rank_zero
 
@@ -64,14 +64,28 @@ def movements(
     """
     runs = {}
     for name in muscles:
-        case = solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name]).model_copy(update={"probes": {key: key for key in LANDMARKS}})
-        place, text = folder / name, dump(case)
-        finished = on_rank_zero(MPI.COMM_WORLD, partial(_finished, place, text))
-        if not finished:
-            simulation_of(case, place).run(case.time.end, place, report=report, scenario=text)
-        runs[name] = Run(place)
-        say(f"{name}: {'already there' if finished else '{wall_seconds:.0f} s'.format(**runs[name].summary)}")
+        runs[name], how = moved(solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name]), folder / name, report)
+        say(f"{name}: {how}")
     return runs
+
+
+def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
+    """Run a scenario with the landmarks as probes, unless `folder` holds the finished run of the same; also say how long it took.
+
+    Raises
+    ------
+    InputError
+        If the mesh lacks the landmarks.
+    SolveError
+        If the run fails.
+    """
+    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS}})
+    text = dump(case)
+    if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
+        return Run(folder), "already there"
+    simulation_of(case, folder).run(case.time.end, folder, report=report, scenario=text)
+    run = Run(folder)
+    return run, f"{run.summary['wall_seconds']:.0f} s"
 
 
 def _finished(folder: Path, scenario: str) -> bool:

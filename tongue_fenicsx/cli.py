@@ -369,7 +369,7 @@ def atlas(
 
 
 def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
-    """Check what calibrate and atlas have in common; return the preset."""
+    """Check what calibrate, atlas and verify have in common; return the preset."""
     from .meshing import PRESETS
     from .scenario import TISSUES
 
@@ -386,8 +386,32 @@ def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list
 @app.command()
 def verify(
     only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case, such as patch, fibres or calculix.")] = None,
+    anatomy: Annotated[bool, typer.Option("--anatomy", help="Instead: does each muscle alone do what anatomy says?")] = False,
+    subject: Annotated[
+        Path | None, typer.Option("--subject", metavar="SUBJECT_FOLDER", help="With --anatomy: a real subject as well.")
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="With --anatomy: also at 0.8 and 1.2 of the peak stresses.")] = False,
+    mesh: MeshFile = None,
+    muscle: Muscles = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="With --anatomy: keep the runs and the matrix here.")
+    ] = None,
 ) -> None:
-    """Compare the model with closed forms and with CalculiX; exit 0 only if every row holds."""
+    """Compare the model with closed forms and with CalculiX, or muscles with anatomy; exit 0 only if everything holds."""
+    if anatomy:
+        if only is not None:
+            raise InputError("--only and --anatomy: give one of them.")
+        holds = _verify_anatomy(subject, robust, mesh, muscle, output)
+    else:
+        if subject or robust or mesh or muscle or output:
+            raise InputError("--subject, --robust, --mesh, --muscle and --output belong to --anatomy.")
+        holds = _verify_cases(only)
+    if not holds:
+        raise SystemExit(3)
+
+
+def _verify_cases(only: str | None) -> bool:
+    """Print the table of the cases; say whether every row holds."""
     from mpi4py import MPI
 
     from .verification import CASES
@@ -395,18 +419,51 @@ def verify(
     if only is not None and only not in CASES:
         raise InputError(f"--only: {only!r} is not one of {', '.join(CASES)}.")
     table = Table("case", "reference", "error", "limit", "", "holds", title="verification")
-    failed = False
+    holds = True
     for name in CASES if only is None else [only]:
         if MPI.COMM_WORLD.rank == 0 and console.is_terminal:
             console.print(f"running {name} …")
         for row in CASES[name]():
             verdict = "skipped" if row.skipped else "yes" if row.holds else "[red]NO[/]"
             table.add_row(row.case, row.reference, f"{row.error:.2g}", f"{row.limit:g}", row.note, verdict)
-            failed = failed or not row.holds
+            holds = holds and row.holds
     if MPI.COMM_WORLD.rank == 0:
         console.print(table)
-    if failed:
-        raise SystemExit(3)
+    return holds
+
+
+def _verify_anatomy(subject: Path | None, robust: bool, mesh: Path | None, some: list[str] | None, output: Path | None) -> bool:
+    """Print the matrix of the anatomical criteria; say whether all of them hold."""
+    from mpi4py import MPI
+
+    from . import atlas, solo
+    from .tonguemesh import on_rank_zero
+    from .verification import matrix
+
+    comm = MPI.COMM_WORLD
+    preset = _solo_options(mesh, None, "calka", some, atlas.MUSCLES)
+    if output is not None:
+        on_rank_zero(comm, lambda: check_outputs(output, matrix.FILES))
+    with tempfile.TemporaryDirectory() as temporary, _Bar(comm.rank == 0, lines=False) as bar:
+        folder = output or Path(comm.bcast(temporary))
+        person = None if subject is None else solo.subject_mesh(subject, folder)
+        settings = matrix.columns(solo.mesh_of(mesh, preset, folder), person, robust)
+        muscles = {path: solo.muscles_in(path, atlas.MUSCLES, some) for path in {column.mesh: None for column in settings}}
+        found = matrix.check(folder, {column: muscles[column.mesh] for column in settings}, bar.say, bar)
+    if comm.rank == 0:
+        labels = [column.label for column in settings]
+        table = Table("muscle", "part", "statement", "bounds", *labels, title="what each muscle must do alone")
+        for name, criterion in matrix.ordered(found):
+            cells = (matrix.shown(found[name, criterion].get(column), "[red]NO {}[/]") for column in settings)
+            table.add_row(name, criterion.part, criterion.says, criterion.bounds, *cells)
+        console.print(table)
+        for column in settings:
+            verdicts = [cells[column].holds for cells in found.values() if column in cells]
+            console.print(f"{column.label}: {sum(verdicts)} of {len(verdicts)} hold")
+        if output is not None:
+            matrix.written(found, settings, output)
+            console.print("wrote " + ", ".join(str(output / name) for name in matrix.FILES))
+    return all(cell.holds for cells in found.values() for cell in cells.values())
 
 
 @app.command()

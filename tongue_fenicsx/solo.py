@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""One muscle alone: the chapter's protocol (Figure 4.4, in red), which calibration and atlas share."""
+"""One muscle alone: the chapter's protocol (Figure 4.4, in red), which calibration, atlas and verification share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mpi4py import MPI
 
 from . import meshing
+from .anatomy import Anatomy
 from .errors import InputError
 from .muscles import CATALOGUE, base_name, resolve
 from .parametric import parametric_tongue
 from .scenario import Scenario
+from .subject import read_subject
 from .tonguemesh import TongueMesh, on_rank_zero
 
 RISE, HOLD = 0.1, 0.25
@@ -23,9 +25,7 @@ def mesh_of(mesh: Path | None, preset: str, folder: Path) -> Path:
     """The mesh file: the given one, or that of the parametric tongue, built in `folder` if it is not there yet."""
     if mesh is not None:
         return mesh
-    path = folder / f"{preset}.msh"
-    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(parametric_tongue(), path, meshing.PRESETS[preset]))
-    return path
+    return _built(folder / f"{preset}.msh", parametric_tongue, preset)
 
 
 def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) -> list[str]:
@@ -46,8 +46,25 @@ def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) ->
     return found
 
 
-def scenario(muscle: str, mesh: Path, tissue: str, stress: float) -> Scenario:
-    """Both sides of a muscle from 0 to 1 in 100 ms, held to 350 ms: no gravity, contact or stiffening.
+def subject_mesh(subject: Path, folder: Path) -> Path:
+    """The mesh file of a real subject at the coarse size, built in `folder` if it is not there yet.
+
+    Raises
+    ------
+    InputError
+        If the subject's folder cannot be used (see `subject.read_subject`).
+    """
+    anatomy = on_rank_zero(MPI.COMM_WORLD, lambda: read_subject(subject))
+    return _built(folder / f"{subject.resolve().name}.msh", lambda: anatomy, "coarse")
+
+
+def _built(path: Path, anatomy: Callable[[], Anatomy], preset: str) -> Path:
+    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy(), path, meshing.PRESETS[preset]))
+    return path
+
+
+def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float = 1.0) -> Scenario:
+    """Both sides of a muscle from 0 to a level in 100 ms, held to 350 ms: no gravity, contact or stiffening.
 
     Parameters
     ----------
@@ -59,6 +76,8 @@ def scenario(muscle: str, mesh: Path, tissue: str, stress: float) -> Scenario:
         Preset.
     stress : float
         Peak active stress in Pa.
+    level : float
+        Activation that is held.
     """
     return Scenario.model_validate(
         {
@@ -66,6 +85,6 @@ def scenario(muscle: str, mesh: Path, tissue: str, stress: float) -> Scenario:
             "tissue": {"preset": tissue},
             "muscles": {"sigma_max": {muscle: stress}},
             "time": {"end": RISE + HOLD},
-            "activation": {muscle: {"pieces": [(RISE, 0.0, 1.0), (HOLD, 1.0, 1.0)]}},
+            "activation": {muscle: {"pieces": [(RISE, 0.0, level), (HOLD, level, level)]}},
         }
     )
