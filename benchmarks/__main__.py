@@ -16,7 +16,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from tongue_fenicsx.simulation import versions
+from tongue_fenicsx.tables import markdown as table
+from tongue_fenicsx.versions import versions
 
 from . import measure, peers
 from .timing import Finished, machine, repeated, run
@@ -97,16 +98,16 @@ def timings(tables: dict[str, Table]) -> dict[str, float]:
     baseline = tables["baseline"][0]["seconds"]
     keys = ("case", "preset", "name", "muscles", "ranks", "unknowns", "step_ms")
     return {
-        "; ".join([table, *(f"{row[key]}" for key in keys if key in row), column]): value / baseline
-        for table, rows in tables.items()
-        if table != "baseline"
+        "; ".join([name, *(f"{row[key]}" for key in keys if key in row), column]): value / baseline
+        for name, rows in tables.items()
+        if name != "baseline"
         for row in rows
         for column, value in row.items()
         if column in ("seconds", "total", "per newton (s)") or "per cell" in column
     }
 
 
-def markdown(tables: dict[str, Table], about: dict[str, Any]) -> str:
+def page(tables: dict[str, Table], about: dict[str, Any]) -> str:
     """All tables, each with what it was measured on above."""
 
     def cell(value: object) -> str:
@@ -115,9 +116,7 @@ def markdown(tables: dict[str, Table], about: dict[str, Any]) -> str:
     lines = [f"{about['processor']}, {about['cores']} cores, {about['memory_gib']} GiB; one thread a rank.", ""]
     for name, rows in tables.items():
         head = list(rows[0])
-        lines += [f"### {name.capitalize()}", "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-        lines += [f"| {' | '.join(cell(row[key]) for key in head)} |" for row in rows]
-        lines.append("")
+        lines += [f"### {name.capitalize()}", "", table(head, ([cell(row[key]) for key in head] for row in rows))]
     return "\n".join(lines)
 
 
@@ -140,8 +139,8 @@ def main() -> int:
     folder = HERE if chosen.update else FOLDER
     result = {"machine": about, "tables": tables, "ratios": timings(tables)}
     (folder / f"{stem}.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    (folder / f"{stem}.md").write_text(markdown(tables, about), encoding="utf-8")
-    print(markdown(tables, about))
+    (folder / f"{stem}.md").write_text(page(tables, about), encoding="utf-8")
+    print(page(tables, about))
     if chosen.update or not committed.exists():
         return 0
     before = json.loads(committed.read_text(encoding="utf-8"))["ratios"]

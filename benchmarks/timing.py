@@ -7,7 +7,6 @@ import csv
 import json
 import os
 import re
-import resource
 import subprocess
 import sys
 import time
@@ -56,12 +55,14 @@ def run(scenario: Path, output: Path, *changes: str, ranks: int = 1, environment
         command = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks), *command]
     settings = os.environ | {"OMP_NUM_THREADS": "1", "PETSC_OPTIONS": f"-log_view :{log}:ascii_csv"} | (environment or {})
     start = time.perf_counter()
-    subprocess.run(command, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
+    process = subprocess.Popen(command, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
     seconds = time.perf_counter() - start
+    if status:
+        raise RuntimeError(f"{' '.join(command)}: failed with exit code {os.waitstatus_to_exitcode(status)}.")
     rows = [row for row in csv.DictReader(log.read_text().splitlines()) if row["Rank"] == "0"]
     events = {name: sum(float(row["Time"]) for row in rows if row["Event Name"] in of) for name, of in EVENTS.items()}
-    largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024**2  # of any child so far
-    return Finished(json.loads((output / "summary.json").read_text()), seconds, largest, events)
+    return Finished(json.loads((output / "summary.json").read_text()), seconds, usage.ru_maxrss / 1024**2, events)  # of the largest rank
 
 
 def repeated(work: Callable[[], float], times: int) -> float:

@@ -97,6 +97,14 @@ def test_open_surface() -> None:
     np.testing.assert_allclose(patch.evaluate(points)[0], [1e-3, -1e-3, 2.55e-3, 2.55e-3], atol=1e-4)
 
 
+def test_sharp_edges_are_blunt_in_the_hessian() -> None:
+    """Beside the edge of a cube the Hessian is that of an edge of four spacings; beside its faces it is nil."""
+    cube = Triangulated(Surface.from_pyvista(pv.Cube(x_length=0.02, y_length=0.02, z_length=0.02).triangulate().clean()), spacing=1e-3)
+    beside = 0.01 + 1e-3
+    _, _, H = cube.evaluate(np.array([[beside, beside, 0.0], [beside, 0.0, 0.0]]))
+    np.testing.assert_allclose(np.linalg.eigvalsh(H)[:, -1], [1 / 4e-3, 0.0], atol=1.0)
+
+
 def test_palate(tongue: tf.TongueMesh) -> None:
     """The built-in palate is 8 mm above the dorsum, and the tongue at rest is outside all bones."""
     gap, n, _ = Triangulated(tongue.bones["palate"], band=12e-3).evaluate(tongue.landmarks["dorsum"][None])

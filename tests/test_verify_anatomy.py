@@ -14,6 +14,7 @@ import pytest
 import pyvista as pv
 from test_cli import tongue as command
 
+from tongue_fenicsx import solo
 from tongue_fenicsx.errors import SolveError
 from tongue_fenicsx.fibres import Floats
 from tongue_fenicsx.verification import anatomy, matrix
@@ -139,7 +140,7 @@ def test_failed_solve(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def fails(*_: Any) -> Any:
         raise SolveError("the solve gave up.")
 
-    monkeypatch.setattr(matrix, "moved", fails)
+    monkeypatch.setattr(solo, "moved", fails)
     settings = matrix.columns(tmp_path / "coarse.msh")
     told: list[str] = []
     found = matrix.check(tmp_path, {column: ["GH", "MH"] for column in settings}, told.append)

@@ -4,25 +4,19 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from mpi4py import MPI
 
 from . import solo
-from .assemble import simulation_of
 from .muscles import CATALOGUE, PEAK_STRESS
 from .run import Run
-from .scenario import Scenario, dump
 from .simulation import Report
-from .tonguemesh import on_rank_zero
+from .tables import markdown
 
 MUSCLES = tuple(name for name in CATALOGUE if name != "GGH")
 """All eleven."""
-LANDMARKS = ("tip", "dorsum", "root", "edge_left", "edge_right")
 FILES = ("atlas.csv", "atlas.md", "atlas.png", "atlas.pdf")
 """What an atlas leaves beside the run folders."""
 COLUMNS = {
@@ -64,34 +58,9 @@ def movements(
     """
     runs = {}
     for name in muscles:
-        runs[name], how = moved(solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name]), folder / name, report)
+        runs[name], how = solo.moved(solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name]), folder / name, report)
         say(f"{name}: {how}")
     return runs
-
-
-def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
-    """Run a scenario with the landmarks as probes, unless `folder` holds the finished run of the same; also say how long it took.
-
-    Raises
-    ------
-    InputError
-        If the mesh lacks the landmarks.
-    SolveError
-        If the run fails.
-    """
-    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS}})
-    text = dump(case)
-    if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
-        return Run(folder), "already there"
-    simulation_of(case, folder).run(case.time.end, folder, report=report, scenario=text)
-    run = Run(folder)
-    return run, f"{run.summary['wall_seconds']:.0f} s"
-
-
-def _finished(folder: Path, scenario: str) -> bool:
-    asked, done = folder / "scenario.toml", folder / "summary.json"
-    same = asked.is_file() and asked.read_text(encoding="utf-8") == scenario
-    return same and done.is_file() and json.loads(done.read_text(encoding="utf-8"))["status"] == "done"
 
 
 def row(name: str, run: Run) -> Row:
@@ -123,6 +92,5 @@ def written(runs: Mapping[str, Run], folder: Path) -> list[list[str]]:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows(rows)
-    lines = [table[0], ["---"] * len(COLUMNS), *table[1:]]
-    (folder / "atlas.md").write_text("".join(f"| {' | '.join(line)} |\n" for line in lines), encoding="utf-8")
+    (folder / "atlas.md").write_text(markdown(table[0], table[1:]), encoding="utf-8")
     return table

@@ -15,7 +15,8 @@ from mpi4py import MPI
 from . import solo
 from .assemble import simulation_of
 from .errors import InputError, SolveError
-from .simulation import Report, versions
+from .simulation import Report
+from .versions import versions
 
 TONGUE_MUSCLES = ("GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS")
 """Calibrated; geniohyoid and mylohyoid, bonded at both ends, keep their published ratio to GGP."""

@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from .errors import InputError, SolveError, check_outputs
+from .progress import ProgressBar
 
 if TYPE_CHECKING:
     from .comparison import Agreement
     from .shape import TongueShape
-    from .simulation import Progress as StepReport
 
 app = typer.Typer(
     help="Biomechanics of the human tongue: build a mesh, run a scenario, look at the pictures.",
@@ -193,7 +192,7 @@ def run(
     on_rank_zero(comm, lambda: check_outputs(output, assemble.MESH_FILES))
     simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
     try:
-        with _Bar(comm.rank == 0) as bar:
+        with ProgressBar(console, comm.rank == 0) as bar:
             result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded.in_metres()))
     except KeyboardInterrupt:
         if comm.rank == 0:
@@ -217,43 +216,6 @@ def run(
             )
         console.print("pictures: " + ", ".join(map(str, pictures)))
         console.print(f"fields for ParaView: {output / 'fields.xdmf'}")
-
-
-class _Bar:
-    """Progress with time, step, Newton iterations and the time that is left; plain lines, if wanted, where no terminal is."""
-
-    def __init__(self, active: bool, lines: bool = True) -> None:
-        self._active, self._lines, self._tenth = active, lines, -1
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.percentage:3.0f} %"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not (active and console.is_terminal),
-        )
-        self._task = self._bar.add_task("compiling the forms", total=None)
-
-    def __enter__(self) -> _Bar:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def __call__(self, p: StepReport) -> None:
-        text = f"t {1e3 * p.t:.1f} of {1e3 * p.t_end:.0f} ms, step {p.step} ({1e3 * p.h:.2g} ms), {p.newton} Newton, {p.krylov} {p.rung}"
-        self._bar.update(self._task, description=text, completed=p.t, total=p.t_end)
-        tenth = int(10 * p.t / p.t_end + 1e-9)
-        if self._lines and not console.is_terminal and tenth > self._tenth:
-            console.print(text)
-            self._tenth = tenth
-
-    def say(self, line: str) -> None:
-        """Print a line that stays."""
-        if self._active:
-            console.print(line)
 
 
 @app.command()
@@ -319,7 +281,7 @@ def calibrate(
     preset = _solo_options(mesh, preset, tissue, muscle, calibration.TONGUE_MUSCLES)
     calibration.check_target(strain)
     on_rank_zero(comm, lambda: check_outputs(output.parent, [output.name]))
-    with tempfile.TemporaryDirectory() as folder, _Bar(comm.rank == 0, lines=False) as bar:
+    with tempfile.TemporaryDirectory() as folder, ProgressBar(console, comm.rank == 0, lines=False) as bar:
         path = solo.mesh_of(mesh, preset, Path(comm.bcast(folder)))
         muscles = solo.muscles_in(path, calibration.TONGUE_MUSCLES, muscle)
         found = calibration.calibrate(path, muscles, tissue, strain, bar.say, bar)
@@ -351,7 +313,7 @@ def atlas(
     comm = MPI.COMM_WORLD
     preset = _solo_options(mesh, preset, tissue, muscle, atlas.MUSCLES)
     on_rank_zero(comm, lambda: check_outputs(output, atlas.FILES))
-    with _Bar(comm.rank == 0, lines=False) as bar:
+    with ProgressBar(console, comm.rank == 0, lines=False) as bar:
         path = solo.mesh_of(mesh, preset, output)
         muscles = solo.muscles_in(path, atlas.MUSCLES, muscle)
         runs = atlas.movements(output, path, muscles, tissue, bar.say, bar)
@@ -444,7 +406,7 @@ def _verify_anatomy(subject: Path | None, robust: bool, mesh: Path | None, some:
     preset = _solo_options(mesh, None, "calka", some, atlas.MUSCLES)
     if output is not None:
         on_rank_zero(comm, lambda: check_outputs(output, matrix.FILES))
-    with tempfile.TemporaryDirectory() as temporary, _Bar(comm.rank == 0, lines=False) as bar:
+    with tempfile.TemporaryDirectory() as temporary, ProgressBar(console, comm.rank == 0, lines=False) as bar:
         folder = output or Path(comm.bcast(temporary))
         person = None if subject is None else solo.subject_mesh(subject, folder)
         settings = matrix.columns(solo.mesh_of(mesh, preset, folder), person, robust)

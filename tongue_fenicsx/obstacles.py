@@ -17,8 +17,8 @@ from .surface import Floats, Ints, Surface
 SPACING = 0.75e-3
 BAND = 5e-3
 EDGE = 4.0
-"""Radius in grid spacings below which a convex edge is the grid's, not the surface's: such curvature is left out of the Hessian, since in a
-soft tissue's tangent it outweighs all else (on the chapter's tissue against palate and teeth it doubled the Newton iterations)."""
+"""Radius in grid spacings below which a convex edge is the grid's, not the surface's: the Hessian takes it for an edge of this radius,
+since sharper ones outweigh all else in a soft tissue's tangent (they doubled the Newton iterations at the palate's rim and the teeth)."""
 # uniform cubic B-spline: weights of four neighbours as polynomials (1, u, u², u³) of the place within the cell
 B_SPLINE = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6
 
@@ -213,7 +213,7 @@ class Triangulated:
         second = first[:, None] + first
         gap[within] = D[:, 0, 0, 0]
         gradient[within] = D[:, first[..., 0], first[..., 1], first[..., 2]]
-        hessian[within] = _without_edges(D[:, second[..., 0], second[..., 1], second[..., 2]], 1 / (EDGE * self.spacing))
+        hessian[within] = _blunted(D[:, second[..., 0], second[..., 1], second[..., 2]], 1 / (EDGE * self.spacing))
         return gap, gradient, hessian
 
     def _derivatives(self, place: Floats) -> Floats:
@@ -231,8 +231,8 @@ class Triangulated:
         return np.asarray(weights[:, 0] @ D.reshape(-1, 4, 9)).reshape(-1, 3, 3, 3)
 
 
-def _without_edges(hessian: Floats, limit: float) -> Floats:
-    """Hessians (n, 3, 3) in 1/m without what is more convex than `limit`."""
+def _blunted(hessian: Floats, limit: float) -> Floats:
+    """Hessians (n, 3, 3) in 1/m, convex by at most `limit`."""
     values, vectors = np.linalg.eigh(hessian)
     return np.asarray((vectors * np.minimum(values, limit)[:, None]) @ vectors.swapaxes(1, 2))
 

@@ -12,15 +12,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from . import __version__
 from .activation import Course, FunctionOfTime
 from .contact import AUGMENTATIONS, touches_summary
 from .errors import InputError, SolveError, check_outputs
@@ -35,6 +32,7 @@ from .run import Run
 from .solver import Newton, Outcome, Tolerances
 from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero
+from .versions import versions
 
 SMALL = 1e-4
 """Displacement in m below which the error of a step is not judged more sharply: motion from rest would need endless steps."""
@@ -487,18 +485,6 @@ class _Loop:
             },
             "versions": versions(),
         }
-
-
-def versions() -> dict[str, str]:
-    """Versions of what computes."""
-    found = {"tongue_fenicsx": __version__}
-    for name in ("dolfinx-solver-real", "fenics-dolfinx", "petsc4py", "gmsh", "numpy"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    return found
 
 
 @contextmanager

@@ -3,20 +3,26 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
 
 from . import meshing
 from .anatomy import Anatomy
+from .assemble import simulation_of
 from .errors import InputError
 from .muscles import CATALOGUE, base_name, resolve
 from .parametric import parametric_tongue
-from .scenario import Scenario
+from .run import Run
+from .scenario import Scenario, dump
+from .simulation import Report
 from .subject import read_subject
 from .tonguemesh import TongueMesh, on_rank_zero
 
+LANDMARKS = ("tip", "dorsum", "root", "edge_left", "edge_right")
 RISE, HOLD = 0.1, 0.25
 """In s: full activation after 100 ms, held to 350 ms."""
 
@@ -88,3 +94,28 @@ def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float =
             "activation": {muscle: {"pieces": [(RISE, 0.0, level), (HOLD, level, level)]}},
         }
     )
+
+
+def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
+    """Run a scenario with the landmarks as probes, unless `folder` holds the finished run of the same; also say how long it took.
+
+    Raises
+    ------
+    InputError
+        If the mesh lacks the landmarks.
+    SolveError
+        If the run fails.
+    """
+    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS}})
+    text = dump(case)
+    if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
+        return Run(folder), "already there"
+    simulation_of(case, folder).run(case.time.end, folder, report=report, scenario=text)
+    run = Run(folder)
+    return run, f"{run.summary['wall_seconds']:.0f} s"
+
+
+def _finished(folder: Path, scenario: str) -> bool:
+    asked, done = folder / "scenario.toml", folder / "summary.json"
+    same = asked.is_file() and asked.read_text(encoding="utf-8") == scenario
+    return same and done.is_file() and json.loads(done.read_text(encoding="utf-8"))["status"] == "done"

@@ -118,7 +118,7 @@ class Newton:
         self._coarse = fem.functionspace(V.mesh, ("P", 1, (3,)))
         self._suspended = [weak.supports[name] for name in weak.model.suspended]
         self._bodies = RigidBodies(V, self._coarse, self._suspended, self._x) if self._suspended else None
-        self._assemble_full()  # what derives from it takes over where it has entries
+        self.assemble()  # what derives from it takes over where it has entries
         self._operator = self._A if self._bodies is None else self._bodies.reduced(self._A)
         self._galerkin = _Galerkin(self._A, _constrained_interpolation(self._coarse, V, self._fixed, None)) if blocks else None
         self._ksp: dict[str, PETSc.KSP] = {}
@@ -243,7 +243,7 @@ class Newton:
         b.array[self._fixed] = 0.0
 
     def _assemble_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._assemble_full()
+        self.assemble()
         if self._bodies is not None:
             self._bodies.tangent(self._A, self._operator)
         if self._galerkin is not None:
@@ -252,7 +252,8 @@ class Newton:
                 pc.getMGCoarseSolve().setOperators(self._galerkin.coarse)  # or they would keep what they made of the last one
                 pc.getMGSmoother(1).setOperators(self._A)
 
-    def _assemble_full(self) -> None:
+    def assemble(self) -> None:
+        """The tangent at the present unknowns, without what multigrid and rigid bodies make of it."""
         self._A.zeroEntries()
         fem_petsc.assemble_matrix(self._A, self._tangent, bcs=self._bcs)
         self._A.assemble()

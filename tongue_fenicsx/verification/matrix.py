@@ -13,11 +13,11 @@ from pathlib import Path
 from mpi4py import MPI
 
 from .. import solo
-from ..atlas import moved
 from ..errors import SolveError
 from ..muscles import PEAK_STRESS
 from ..run import Run
 from ..simulation import Report
+from ..tables import markdown
 from ..tonguemesh import on_rank_zero
 from .anatomy import Criterion, criteria
 from .movement import Movement, movement
@@ -120,7 +120,7 @@ def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[
             case = solo.scenario(name, column.mesh, column.tissue, stress, column.level)
             measured: Movement | None = None
             try:
-                run, how = moved(case, folder / column.folder / name, report)
+                run, how = solo.moved(case, folder / column.folder / name, report)
                 measured = _measured(run)
             except SolveError as error:
                 how = str(error)
@@ -149,7 +149,7 @@ def ordered(matrix: Matrix) -> list[tuple[str, Criterion]]:
 def written(matrix: Matrix, settings: Sequence[Column], folder: Path) -> None:
     """Write ``anatomy.md``, a table with what fails in bold, and ``anatomy.csv``, one line a cell."""
     head = ["muscle", "part", "statement", "bounds", *(column.label for column in settings)]
-    lines = [head, ["---"] * len(head)]
+    lines = []
     with open(folder / "anatomy.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["muscle", "part", "statement", "bounds", "tongue", "tissue", "activation", "stress_factor", "value", "holds"])
@@ -160,7 +160,7 @@ def written(matrix: Matrix, settings: Sequence[Column], folder: Path) -> None:
                 setting = [column.tongue, column.tissue, column.level, column.factor]
                 writer.writerow([*start, *setting, cell.value, "yes" if cell.holds else "no"])
             lines.append([*start, *(shown(cells.get(column), "**NO {}**") for column in settings)])
-    (folder / "anatomy.md").write_text("".join(f"| {' | '.join(line)} |\n" for line in lines), encoding="utf-8")
+    (folder / "anatomy.md").write_text(markdown(head, lines), encoding="utf-8")
 
 
 def shown(cell: Cell | None, failed: str) -> str:
