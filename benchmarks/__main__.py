@@ -40,7 +40,6 @@ def row_of(name: str, done: Finished) -> dict[str, Any]:
     return {
         "case": name, "unknowns": s["n_dofs"], "ranks": s["ranks"], "steps": s["n_steps"], "rejected": s["n_rejected"], "newton": newton,
         "newton per step": done.newton_per_step, "krylov per newton": done.krylov_per_newton, **parts, "seconds": done.seconds,
-        "GiB": done.memory_gib,
     }  # fmt: skip
 
 

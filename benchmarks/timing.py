@@ -31,7 +31,6 @@ class Finished:
 
     summary: dict[str, Any]
     seconds: float
-    memory_gib: float
     events: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -55,14 +54,11 @@ def run(scenario: Path, output: Path, *changes: str, ranks: int = 1, environment
         command = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks), *command]
     settings = os.environ | {"OMP_NUM_THREADS": "1", "PETSC_OPTIONS": f"-log_view :{log}:ascii_csv"} | (environment or {})
     start = time.perf_counter()
-    process = subprocess.Popen(command, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
+    subprocess.run(command, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
     seconds = time.perf_counter() - start
-    if status:
-        raise RuntimeError(f"{' '.join(command)}: failed with exit code {os.waitstatus_to_exitcode(status)}.")
     rows = [row for row in csv.DictReader(log.read_text().splitlines()) if row["Rank"] == "0"]
     events = {name: sum(float(row["Time"]) for row in rows if row["Event Name"] in of) for name, of in EVENTS.items()}
-    return Finished(json.loads((output / "summary.json").read_text()), seconds, usage.ru_maxrss / 1024**2, events)  # of the largest rank
+    return Finished(json.loads((output / "summary.json").read_text()), seconds, events)
 
 
 def repeated(work: Callable[[], float], times: int) -> float:
