@@ -108,7 +108,7 @@ def _canonical(of_cell: Ints, vertices: Ints, n_nodes: int) -> Ints:
     return number
 
 
-STATE = ("u", "v", "acceleration", "auxiliary", "pressure")
+STATE = ("u", "v", "acceleration", "auxiliary", "average", "pressure")
 """Arrays of a `State`."""
 
 RUN_FILES = [

@@ -29,6 +29,13 @@ SMOOTHED = "0.7,7.0"
 """Eigenvalues of the tangent over its diagonal that the smoother damps; up to 7.7 it does not amplify. On tongues and blocks, at rest
 and deformed, the largest is 3.3 to 4.0 at ν = 0.3 and 4.9 to 5.9 from 0.49 to 0.4999. (An estimate would depend on the run's past.)"""
 
+OVERSHOT = 0.1
+"""Work of the residual on a Newton step, over that at its begin, beyond which the step is shortened in contact."""
+GROWTH = 5.0
+"""Growth of the residual that is always too much."""
+TRIALS = 4
+"""Residuals that shortening a step may take."""
+
 
 @dataclass(frozen=True)
 class Tolerances:
@@ -129,14 +136,18 @@ class Newton:
         snes.setFunction(self._assemble_residual, self._b)
         snes.setJacobian(self._assemble_tangent, self._operator)
         snes.setType("newtonls")
-        snes.getLineSearch().setType("bt")
+        searched = bool(weak.contacts.terms) and weak.pressure is None  # where points begin to touch, residuals grow before they shrink
+        self._trial, self._trial_residual, self._tried = self._x.duplicate(), self._b.duplicate(), False
+        snes.getLineSearch().setType("basic" if searched else "bt")
+        if searched:
+            snes.setLineSearchPreCheck(self._shorten)
         snes.setTolerances(rtol=tolerances.rtol, atol=tolerances.atol, stol=0.0, max_it=tolerances.max_newton)
         snes.setFromOptions()
         self._snes = snes
 
     def destroy(self) -> None:
         """Free the PETSc objects, on all ranks at once."""
-        for item in (self._snes, *self._ksp.values(), self._A, self._b, self._x):
+        for item in (self._snes, *self._ksp.values(), self._A, self._b, self._x, self._trial, self._trial_residual):
             item.destroy()
         if self._bodies is not None:
             self._bodies.destroy()
@@ -162,6 +173,7 @@ class Newton:
             if self._bodies is not None:
                 self._bodies.begin(guess[0].reshape(-1, 3), self._x)
             self._snes.setKSP(self._linear_solver(rung))
+            self._tried = False  # loads and time have changed
             self._snes.solve(None, self._x)
             self._to_function(self._x)
             newton += self._snes.getIterationNumber()
@@ -233,6 +245,13 @@ class Newton:
         self._weak.refresh()
 
     def _assemble_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        if self._tried and x.equal(self._trial):
+            self._trial_residual.copy(b)
+        else:
+            self._evaluate(x, b)
+
+    def _evaluate(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Make `x` the present unknowns, and their residual `b`."""
         self._to_function(x)
         residual = self.forces.unbalanced().ravel()
         if self._suspension is not None:
@@ -241,6 +260,26 @@ class Newton:
         if self._bodies is not None:
             self._bodies.residual(b)
         b.array[self._fixed] = 0.0
+
+    def _shorten(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
+        """Shorten a Newton step (of which x − step is next) to where the work of the residual along it is nil, if that comes first."""
+        residual = self._snes.getFunction()[0]
+        first, norm = float(residual.dot(step)), float(residual.norm())
+        at, b, self._tried = self._trial, self._trial_residual, True
+        low, high, share = (0.0, 1.0), (1.0, -np.inf), 1.0
+        for _ in range(TRIALS):
+            at.waxpy(-1.0, step, x)
+            self._evaluate(at, b)
+            work = float(b.dot(step)) / (share * first) if float(b.norm()) < GROWTH * norm else -np.inf
+            if -OVERSHOT <= work and (work <= OVERSHOT or share == 1.0):
+                return
+            if work > 0:
+                low = share, work
+            else:
+                high = share, work
+            next_share = low[0] + (high[0] - low[0]) * (low[1] / (low[1] - high[1]) if np.isfinite(high[1]) else 0.5)
+            step.scale(next_share / share)
+            share = next_share
 
     def _assemble_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
         self.assemble()

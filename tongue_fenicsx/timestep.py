@@ -22,7 +22,7 @@ from .passive import Expr
 class State:
     """Everything that the next step needs (owned and ghost values of this rank, SI units).
 
-    `pressure` is that of the mixed form, as the first component of a displacement at the vertices; otherwise nil.
+    `average` is the mean velocity of the step that led here. `pressure` is that of the mixed form, as the first component of a displacement at the vertices; otherwise nil.
     """
 
     t: float
@@ -31,6 +31,7 @@ class State:
     v: Floats
     acceleration: Floats
     auxiliary: Floats
+    average: Floats
     pressure: Floats
 
 
@@ -43,7 +44,7 @@ class _Scheme:
             self._vertices = np.empty(pressure.x.array.size, dtype=np.int64)  # nodes of the displacement
             self._vertices[pressure.function_space.dofmap.list] = u.function_space.dofmap.list[:, :4]
         zeros = np.zeros_like(u.x.array)
-        self.state = State(0.0, 0.0, u.x.array.copy(), zeros, zeros, zeros, zeros)
+        self.state = State(0.0, 0.0, u.x.array.copy(), zeros, zeros, zeros, zeros, zeros)
 
     def restore(self, state: State) -> None:
         """Go back to a state."""
@@ -93,9 +94,11 @@ class GeneralizedAlpha(_Scheme):
         self.acceleration: Expr = self._a_factor * u + self._a_part
 
     def begin(self, h: float) -> None:
-        """Prepare a step of `h` seconds from the present state; `u` becomes the first guess, the one that keeps the velocity.
+        """Prepare a step of `h` seconds from the present state; `u` becomes the first guess, which goes on with the mean of the last
+        velocity and that of the last step.
 
-        (A guess that keeps the displacement would reverse the velocity, and the force–velocity law with it.)
+        (A guess that keeps the displacement would reverse the velocity, and the force–velocity law with it; one that keeps the velocity
+        goes on with the jitter of a surface in contact.)
         """
         s = self.state
         a = self._rescaled(h)
@@ -106,7 +109,7 @@ class GeneralizedAlpha(_Scheme):
         self._v_part.x.array[:] = s.v + h * (1 - g) * a + v_factor * known
         self._a_part.x.array[:] = a_factor * known + (m * a - f * s.acceleration) / (1 - f)
         self._h = h
-        self.u.x.array[:] = (s.v - self._v_part.x.array) / v_factor
+        self.u.x.array[:] = s.u + h * (s.v if s.h == 0.0 else (s.v + s.average) / 2)
 
     @property
     def rates(self) -> tuple[tuple[float, Floats], tuple[float, Floats]]:
@@ -129,7 +132,7 @@ class GeneralizedAlpha(_Scheme):
         acceleration = self._a_factor.value * u + self._a_part.x.array
         auxiliary = ((1 - self.alpha_f) * acceleration + self.alpha_f * s.acceleration - self.alpha_m * a) / (1 - self.alpha_m)
         v = self._v_factor.value * u + self._v_part.x.array
-        self.state = State(t, h, u, v, acceleration, auxiliary, self._pressures())
+        self.state = State(t, h, u, v, acceleration, auxiliary, (u - s.u) / h, self._pressures())
 
     def error(self, before: State) -> Floats:
         """Estimated error in m of the displacement in the step that led here from `before`: against the Taylor series with a
@@ -175,13 +178,13 @@ class QuasiStatic(_Scheme):
     def begin(self, h: float) -> None:
         """Prepare a step of `h`; the first guess goes on as the last step went."""
         self._h = h
-        self.u.x.array[:] = self.state.u + h * self.state.auxiliary
+        self.u.x.array[:] = self.state.u + h * self.state.average
 
     def accept(self, t: float) -> None:
         """Make the solved displacement the new state, at time `t`."""
         u = self.u.x.array.copy()
         s = self.state
-        self.state = State(t, self._h, u, s.v, s.acceleration, (u - s.u) / self._h, self._pressures())
+        self.state = State(t, self._h, u, s.v, s.acceleration, s.auxiliary, (u - s.u) / self._h, self._pressures())
 
     def error(self, before: State) -> Floats:
         """None: an equilibrium does not know how the load came."""

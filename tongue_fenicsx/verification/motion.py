@@ -40,7 +40,7 @@ def oscillate(steps: list[float], radius: float) -> Floats:
     u.x.array[:] = 1.0
     scheme = GeneralizedAlpha(u, radius)
     one, zero = np.ones_like(u.x.array), np.zeros_like(u.x.array)
-    scheme.restore(State(0.0, 0.0, one, zero, -STIFFNESS * one, -STIFFNESS * one, zero))
+    scheme.restore(State(0.0, 0.0, one, zero, -STIFFNESS * one, -STIFFNESS * one, zero, zero))
     t, path = 0.0, []
     for h in steps:
         scheme.begin(h)
