@@ -330,6 +330,38 @@ def atlas(
         console.print("wrote " + ", ".join(str(output / name) for name in atlas.FILES))
 
 
+@app.command()
+def postures(
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO.toml...", help="Postures, such as demos/postures/*.toml.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folders, the table and the sheet.")],
+    changes: Changes = None,
+) -> None:
+    """Run postures without gravity, upright and supine, and compare the airway over the tongue."""
+    from mpi4py import MPI
+
+    from . import postures
+    from .scenario import load
+    from .tonguemesh import on_rank_zero
+
+    comm = MPI.COMM_WORLD
+    cases = {path.stem: load(path, changes) for path in scenarios}
+    if len(cases) < len(scenarios):
+        raise InputError("two scenarios have the same name; their runs would share a folder.")
+    for path in scenarios:
+        postures.check(path, cases[path.stem])
+    on_rank_zero(comm, lambda: check_outputs(output, postures.FILES))
+    with ProgressBar(console, comm.rank == 0, lines=False) as bar:
+        found = postures.runs(cases, output, bar.say, bar)
+    if comm.rank == 0:
+        columns, *rows = postures.written(found, output)
+        table = Table(*columns, title="mm backward and upward at the end; narrowest place of the airway")
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+        postures.sheet(found, output / "postures.png")
+        console.print("wrote " + ", ".join(str(output / name) for name in postures.FILES))
+
+
 def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
     """Check what calibrate, atlas and verify have in common; return the preset."""
     from .meshing import PRESETS

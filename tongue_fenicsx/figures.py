@@ -17,41 +17,24 @@ from matplotlib.collections import LineCollection
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from .epg import ELECTRODES
-from .fibres import Floats
-from .grids import grids, skin
+from .grids import cut, grids, outline, section, skin
 from .kinematics import SLOW, motion
-from .surface import Surface
 
 if TYPE_CHECKING:
+    from .airway import Airway
     from .epg import Electropalatogram
     from .run import Run
 
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
 
 COLOURS = "viridis"
+NEAR = "magma"
 BONE = "#b3926a"
 FRAMES = 24
 """How many electropalatograms are drawn at most."""
 PATHS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
 PROBES = ("tip", "dorsum", "root")
 """Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
-
-
-def _section(grid: pv.UnstructuredGrid) -> pv.PolyData:
-    """Where the mid-sagittal plane cuts a grid, as triangles."""
-    return grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, 1e-4, 0.0)).triangulate()
-
-
-def _outline(section: pv.PolyData) -> list[Floats]:
-    edges = section.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False)
-    lines = edges.lines.reshape(-1, 3)[:, 1:]
-    return [np.asarray(edges.points)[line][:, [0, 2]] for line in lines]
-
-
-def _bone_lines(surface: Surface) -> list[Floats]:
-    """Where the mid-sagittal plane cuts a bone, lines (2, 2) in mm."""
-    cut = surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-7, 0.0))
-    return [1e3 * np.asarray(cut.points)[line][:, [0, 2]] for line in cut.lines.reshape(-1, 3)[:, 1:]]
 
 
 def midsagittal(run: Run, index: int | None = None) -> Path:
@@ -61,21 +44,21 @@ def midsagittal(run: Run, index: int | None = None) -> Path:
     """
     index = run.farthest if index is None else index
     rest, deformed = grids(run, index)
-    before, after = _section(rest), _section(deformed)
+    before, after = section(rest), section(deformed)
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.8), sharex=True, sharey=True, layout="constrained")
-    left.add_collection(LineCollection(_outline(before), colors="0.2", linewidths=1.4))
+    left.add_collection(LineCollection(outline(before), colors="0.2", linewidths=1.4))
     left.triplot(before.points[:, 0], before.points[:, 2], before.regular_faces, color="0.85", linewidth=0.3)
     left.set_title("at rest")
     image = right.tripcolor(
         after.points[:, 0], after.points[:, 2], after.regular_faces, after["displacement"], shading="gouraud", cmap=COLOURS, vmin=0
     )
-    right.add_collection(LineCollection(_outline(before), colors="0.5", linewidths=1.0, linestyles="--"))
+    right.add_collection(LineCollection(outline(before), colors="0.5", linewidths=1.0, linestyles="--"))
     right.set_title(f"at {1e3 * _time(run, index):.0f} ms (dashed: rest)")
     for axes, moment in ((left, 0), (right, index)):
         axes.set_aspect("equal")
         axes.set_xlabel("← front    x in mm    back →")
         for surface in run.obstacles(moment).values():
-            axes.add_collection(LineCollection(_bone_lines(surface), colors=BONE, linewidths=1.6))
+            axes.add_collection(LineCollection(cut(surface), colors=BONE, linewidths=1.6))
     left.set_ylabel("z in mm")
     left.autoscale_view()
     if run.contact:  # bones reach far
@@ -197,6 +180,38 @@ def electropalatogram(run: Run, record: Electropalatogram) -> Path:
     count.grid(alpha=0.3)
     figure.suptitle(f"{_title(run)}: virtual electropalatogram")
     return _save(figure, run, "epg")
+
+
+def airway(run: Run, record: Airway) -> Path:
+    """The distance from the walls of the airway to the tongue: in the mid-sagittal plane, along the walls at rest and at the output where
+    the tongue is farthest from rest, and along them over time, as PNG and PDF."""
+    index = run.farthest
+    rest, moved = grids(run, index)
+    figure, (plane, curve, time) = plt.subplots(1, 3, figsize=(14, 4.6), layout="constrained")
+    plane.add_collection(LineCollection(outline(section(rest)), colors="0.5", linewidths=1.0, linestyles="--"))
+    plane.add_collection(LineCollection(outline(section(moved)), colors="0.1", linewidths=1.4))
+    dots = plane.scatter(*record.wall.T, c=record.distance[index], s=9, cmap=NEAR, vmin=0)
+    figure.colorbar(dots, ax=plane, label="distance in mm", shrink=0.8)
+    plane.set(aspect="equal", xlabel="← front    x in mm    back →", ylabel="z in mm", title=f"at {1e3 * _time(run, index):.0f} ms")
+    curve.plot(record.along, record.distance[0], "--", color="0.5", label="at rest")
+    curve.plot(record.along, record.distance[index], color="0.1", label=f"at {1e3 * _time(run, index):.0f} ms")
+    name_parts(curve, record)
+    curve.set(xlabel="along the wall, front to back, in mm", ylabel="distance to the tongue in mm", ylim=(0, None))
+    curve.legend(fontsize=8)
+    curve.grid(alpha=0.3)
+    image = time.pcolormesh(1e3 * record.time, record.along, record.distance.T, cmap=NEAR, vmin=0)
+    figure.colorbar(image, ax=time, label="distance in mm")
+    time.set(xlabel="time in ms", ylabel="along the wall in mm")
+    figure.suptitle(f"{_title(run)}: airway")
+    return _save(figure, run, "airway")
+
+
+def name_parts(axes: plt.Axes, record: Airway) -> None:
+    """Say along a curve over the wall where each part of it begins."""
+    for name in dict.fromkeys(record.part):
+        begin = record.along[np.argmax(record.part == name)]
+        axes.axvline(begin, color="0.8", linewidth=0.8, zorder=0)
+        axes.annotate(name, (begin, 1.0), (3, -3), xycoords=("data", "axes fraction"), textcoords="offset points", va="top", fontsize=8)
 
 
 def _time(run: Run, index: int) -> float:

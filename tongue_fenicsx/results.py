@@ -113,8 +113,8 @@ STATE = ("u", "v", "acceleration", "auxiliary", "average", "pressure")
 
 RUN_FILES = [
     "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5", "epg.csv",
-    "trajectories.csv",
-    *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg") for kind in ("png", "pdf")),
+    "trajectories.csv", "airway.csv",
+    *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg", "airway") for kind in ("png", "pdf")),
     "figures/view3d.png",
 ]  # fmt: skip
 """What a run folder holds."""

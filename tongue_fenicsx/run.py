@@ -124,6 +124,7 @@ class Run:
     def plot(self) -> list[Path]:
         """Draw all figures of the run into ``figures/`` and return the files."""
         from . import figures, kinematics
+        from .airway import WALLS, airway
         from .epg import PALATES, electropalatogram
 
         paths = [figures.midsagittal(self), figures.view3d(self)]
@@ -136,4 +137,8 @@ class Run:
             record = electropalatogram(self)
             record.write(self.folder / "epg.csv")
             paths.append(figures.electropalatogram(self, record))
+        if self.contact.keys() & set(WALLS):
+            passage = airway(self)
+            passage.write(self.folder / "airway.csv")
+            paths.append(figures.airway(self, passage))
         return paths

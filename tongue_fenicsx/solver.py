@@ -271,7 +271,7 @@ class Newton:
             at.waxpy(-1.0, step, x)
             self._evaluate(at, b)
             work = float(b.dot(step)) / (share * first) if float(b.norm()) < GROWTH * norm else -np.inf
-            if -OVERSHOT <= work and (work <= OVERSHOT or share == 1.0):
+            if work >= -OVERSHOT and (work <= OVERSHOT or share == 1.0):
                 return
             if work > 0:
                 low = share, work

@@ -22,7 +22,8 @@ from .passive import Expr
 class State:
     """Everything that the next step needs (owned and ghost values of this rank, SI units).
 
-    `average` is the mean velocity of the step that led here. `pressure` is that of the mixed form, as the first component of a displacement at the vertices; otherwise nil.
+    `average` is the mean velocity of the step that led here, `pressure` that of the mixed form, as the first component of a displacement
+    at the vertices; otherwise nil.
     """
 
     t: float

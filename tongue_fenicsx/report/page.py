@@ -74,6 +74,7 @@ PICTURES = {
     "trajectories": "Paths of the probes in the mid-sagittal plane and over time",
     "contact": "Force and area of contact over time",
     "epg": "Virtual electropalatogram: electrodes touched over time, front at the top",
+    "airway": "Airway: distance from palate, velum and pharynx to the tongue along the mid-line",
 }
 
 
