@@ -141,6 +141,7 @@ def test_failed_solve(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         raise SolveError("the solve gave up.")
 
     monkeypatch.setattr(solo, "moved", fails)
+    monkeypatch.setattr(solo, "walls_in", lambda mesh: [])
     settings = matrix.columns(tmp_path / "coarse.msh")
     told: list[str] = []
     found = matrix.check(tmp_path, {column: ["GH", "MH"] for column in settings}, told.append)

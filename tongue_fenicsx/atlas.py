@@ -32,7 +32,7 @@ Row = dict[str, str | float]
 def movements(
     folder: Path, mesh: Path, muscles: list[str], tissue: str, say: Callable[[str], None], report: Report | None = None
 ) -> dict[str, Run]:
-    """Run each muscle alone, each in a folder of its name; one that is already there from the same scenario is taken as it is.
+    """Run each muscle alone among the bones, each in a folder of its name; one that is already there from the same scenario is taken.
 
     Parameters
     ----------
@@ -57,8 +57,10 @@ def movements(
         If a run fails.
     """
     runs = {}
+    walls = solo.walls_in(mesh)
     for name in muscles:
-        runs[name], how = solo.moved(solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name]), folder / name, report)
+        case = solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name], walls=walls)
+        runs[name], how = solo.moved(case, folder / name, report)
         say(f"{name}: {how}")
     return runs
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -12,18 +13,22 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import LineCollection
+from mpi4py import MPI
 
+from . import meshing
 from .airway import WALLS, airway
+from .assemble import anatomy_of, size_of
 from .errors import InputError
 from .fibres import Floats
 from .figures import BONE, PATHS, PROBES, name_parts
 from .grids import cut, grids, outline, section
 from .run import Run
 from .scenario import POSTURES as HEADS
-from .scenario import Scenario
+from .scenario import MeshSection, Scenario
 from .simulation import Report
 from .solo import moved
 from .tables import markdown
+from .tonguemesh import on_rank_zero
 
 SETTINGS = ("none", *HEADS)
 """Gravity: off, of the upright head, of the supine one."""
@@ -63,12 +68,23 @@ def runs(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], None]
         If a run fails.
     """
     found: dict[str, dict[str, Run]] = {}
+    meshes: dict[str, MeshSection] = {}
     for name, case in cases.items():
+        source = case.in_metres().mesh
+        mesh = meshes.setdefault(repr(source), source if source.file else _built(source, folder))
         for setting in SETTINGS:
-            run, how = moved(with_gravity(case, setting), folder / name / setting, report)
+            on_mesh = with_gravity(case.in_metres(), setting).model_copy(update={"mesh": mesh})
+            run, how = moved(on_mesh, folder / name / setting, report)
             found.setdefault(name, {})[setting] = run
             say(f"{name}, gravity {setting}: {how}")
     return found
+
+
+def _built(source: MeshSection, folder: Path) -> MeshSection:
+    """The file that a mesh section is built to, once for all postures."""
+    path = folder / f"mesh-{hashlib.sha256(repr(source).encode()).hexdigest()[:8]}.msh"
+    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy_of(source), path, size_of(source)))
+    return MeshSection(file=str(path))
 
 
 def written(postures: Postures, folder: Path) -> list[list[str]]:

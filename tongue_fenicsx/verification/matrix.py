@@ -95,7 +95,7 @@ def columns(mesh: Path, subject: Path | None = None, robust: bool = False) -> li
 
 
 def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[str], None], report: Report | None = None) -> Matrix:
-    """Move every muscle alone in every setting and judge the ends; finished runs of the same scenario are taken as they are.
+    """Move every muscle alone among the bones in every setting and judge the ends; finished runs of the same scenario are taken.
 
     Parameters
     ----------
@@ -115,9 +115,10 @@ def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[
     """
     matrix: Matrix = {}
     for column, names in muscles.items():
+        walls = solo.walls_in(column.mesh)
         for name in names:
             stress = column.factor * PEAK_STRESS[column.tissue][name]
-            case = solo.scenario(name, column.mesh, column.tissue, stress, column.level)
+            case = solo.scenario(name, column.mesh, column.tissue, stress, column.level, walls)
             measured: Movement | None = None
             try:
                 run, how = solo.moved(case, folder / column.folder / name, report)
