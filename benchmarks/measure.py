@@ -13,7 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import meshing
+from tongue_fenicsx import jit, meshing
 from tongue_fenicsx.solver import Newton, Tolerances
 from tongue_fenicsx.timestep import GeneralizedAlpha
 from tongue_fenicsx.verification.rows import box, with_fibres
@@ -70,6 +70,21 @@ def solver(n: int, preset: dict[str, Any]) -> dict[str, float]:
     for name, of in EVENTS.items():
         row[name] = sum(PETSc.Log.Event(event).getPerfInfo()["time"] - before[event] for event in of) / s["newton_iterations"]
     return row | {"total": sum(row[name] for name in EVENTS)}
+
+
+def sweep(file: Path, n: int) -> dict[str, float]:
+    """One step with each of `n` values of stress, stiffness and step: how many forms are compiled by the first and by all others."""
+    tongue = tf.TongueMesh.read(file)
+    folder = jit.cache_folder()
+    counts, times = [sum(1 for _ in folder.glob("*.so"))], []
+    for i in range(n):
+        model = tf.Model(tongue, tf.Yeoh(192.0 + i, 90.0, 0.49), sigma_max={"GGP": 3000.0 + i})
+        h = (5 + 0.02 * i) * 1e-3
+        simulation = tf.Simulation(model, {"GGP": tf.ramp(0.1, 0.25, 0.5 + 0.01 * i)}, stepping=tf.Stepping(step_max=h, output_every=h))
+        with tempfile.TemporaryDirectory() as scratch:
+            times.append(seconds(lambda simulation=simulation, h=h, scratch=scratch: simulation.run(h, Path(scratch) / "run")))
+        counts.append(sum(1 for _ in folder.glob("*.so")))
+    return {"values": n, "compiled by the first": counts[1] - counts[0], "by the others": counts[-1] - counts[1], "seconds": median(times)}
 
 
 def exponent(rows: list[dict[str, float]], name: str = "total") -> float:

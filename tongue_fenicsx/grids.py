@@ -38,7 +38,8 @@ def section(grid: pv.UnstructuredGrid) -> pv.PolyData:
 
 def outline(section: pv.PolyData) -> Floats:
     """The border of a mid-sagittal section, lines (n, 2, 2) of x and z in mm."""
-    edges = section.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+    whole = section.clean(tolerance=1e-3, absolute=True)
+    edges = whole.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False)
     return _lines(edges)
 
 

@@ -32,7 +32,7 @@ from .run import Run
 from .solver import Newton, Outcome, Tolerances
 from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero
-from .versions import versions
+from .versions import peak_memory, versions
 
 SMALL = 1e-4
 """Displacement in m below which the error of a step is not judged more sharply: motion from rest would need endless steps."""
@@ -452,7 +452,7 @@ class _Loop:
         self.say(f"{status} at t = {self.scheme.state.t:.6f} s after {self.counters['wall_seconds']:.1f} s")
 
     def summary(self, status: str) -> dict[str, Any]:
-        """What ``summary.json`` holds."""
+        """What ``summary.json`` holds; the memory is that of the rank that took most."""
         model, c = self.model, {name: value for name, value in self.counters.items() if name not in ("next_step", "largest", "gammas")}
         numbering = self.writer.numbering
         probes = self.simulation.probes
@@ -467,6 +467,7 @@ class _Loop:
             "ranks": self.comm.size,
             "t_end": self.scheme.state.t,
             **c,
+            "peak_memory_gib": self.comm.allreduce(peak_memory(), op=MPI.MAX),
             "energy_balance_error": self.measures.balance.error,
             "contact_force_max_N": max((of["force_max_N"] for of in contact.values()), default=0.0),
             "contact": contact,
