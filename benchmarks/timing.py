@@ -18,7 +18,7 @@ from typing import Any
 
 EVENTS = {
     "tangent": ("SNESJacobianEval",),
-    "residual": ("SNESFunctionEval",),
+    "residual": ("TongueResidual",),
     "set-up": ("PCSetUp",),
     "Krylov": ("KSPSolve",),
 }

@@ -29,6 +29,8 @@ SMOOTHED = "0.7,7.0"
 """Eigenvalues of the tangent over its diagonal that the smoother damps; up to 7.7 it does not amplify. On tongues and blocks, at rest
 and deformed, the largest is 3.3 to 4.0 at ν = 0.3 and 4.9 to 5.9 from 0.49 to 0.4999. (An estimate would depend on the run's past.)"""
 
+RESIDUAL = PETSc.Log.Event("TongueResidual")
+"""In PETSc's log, the residuals with those that shortening a step takes."""
 OVERSHOT = 0.1
 """Work of the residual on a Newton step, over that at its begin, beyond which the step is shortened in contact."""
 GROWTH = 5.0
@@ -252,14 +254,15 @@ class Newton:
 
     def _evaluate(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Make `x` the present unknowns, and their residual `b`."""
-        self._to_function(x)
-        residual = self.forces.unbalanced().ravel()
-        if self._suspension is not None:
-            residual += assembled(self._suspension)
-        b.array[:] = residual if self._volume is None else np.concatenate([residual, self._volume.assemble()])
-        if self._bodies is not None:
-            self._bodies.residual(b)
-        b.array[self._fixed] = 0.0
+        with RESIDUAL:
+            self._to_function(x)
+            residual = self.forces.unbalanced().ravel()
+            if self._suspension is not None:
+                residual += assembled(self._suspension)
+            b.array[:] = residual if self._volume is None else np.concatenate([residual, self._volume.assemble()])
+            if self._bodies is not None:
+                self._bodies.residual(b)
+            b.array[self._fixed] = 0.0
 
     def _shorten(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Shorten a Newton step (of which x − step is next) to where the work of the residual along it is nil, if that comes first."""
@@ -267,7 +270,7 @@ class Newton:
         first, norm = float(residual.dot(step)), float(residual.norm())
         at, b, self._tried = self._trial, self._trial_residual, True
         low, high, share = (0.0, 1.0), (1.0, -np.inf), 1.0
-        for _ in range(TRIALS):
+        for _ in range(TRIALS if first else 0):
             at.waxpy(-1.0, step, x)
             self._evaluate(at, b)
             work = float(b.dot(step)) / (share * first) if float(b.norm()) < GROWTH * norm else -np.inf
