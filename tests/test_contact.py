@@ -18,7 +18,8 @@ from tongue_fenicsx.assemble import simulation_of
 from tongue_fenicsx.contact import SOFTER, Contact
 from tongue_fenicsx.obstacles import Plane, Triangulated
 from tongue_fenicsx.scenario import dump, load
-from tongue_fenicsx.solver import Newton, Outcome
+from tongue_fenicsx.solver import Newton, Outcome, Tolerances
+from tongue_fenicsx.timestep import GeneralizedAlpha
 from tongue_fenicsx.tonguemesh import on_rank_zero
 
 FLOOR = Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0))
@@ -57,6 +58,34 @@ def test_the_floor_carries(block: tf.TongueMesh, scratch: Path, form: str, mixed
     pressure = run.field("contact_pressure")
     assert pressure.max() == pytest.approx(floor["pressure"][-1], rel=1e-5)
     assert np.count_nonzero(pressure) < 0.2 * len(pressure)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("squeeze", [0.0, 2.0])
+def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
+    """A step 3 mm down to a floor 1 mm below ends at the floor; one that turns the block inside out is cut."""
+    weak = sinking(block, Contact(FLOOR)).weak_form([])
+    scheme = GeneralizedAlpha(weak.u)
+    newton = Newton(weak, scheme, Tolerances(), print)
+    weak.set_time(1.0, {})
+    scheme.begin(0.1)
+    newton.forces.repack()
+    x, step, b = newton._x, newton._x.duplicate(), newton._b
+    newton._evaluate(x, b)
+    place = weak.V.tabulate_dof_coordinates()[: step.getLocalSize() // 3]
+    step.array.reshape(-1, 3)[:] = np.column_stack([squeeze * place[:, 0], 0 * place[:, 0], np.full(len(place), 3e-3)])
+    whole, first = step.max()[1], b.dot(step)
+    newton._shorten(x, step)
+    share = step.max()[1] / whole
+    x.axpy(-1.0, step)
+    newton._evaluate(x, b)
+    if squeeze:
+        assert share < 0.25
+        assert np.isfinite(b.norm())
+    else:
+        assert 0.25 <= share < 0.5
+        assert -0.1 * share * first < b.dot(step)
+    newton.destroy()
 
 
 @pytest.mark.parallel
