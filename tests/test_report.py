@@ -117,7 +117,7 @@ def test_everything_is_there_and_nothing_comes_from_outside(done: Path, tmp_path
     assert all(source.startswith("data:") for source in page.loads)
     assert not re.search(r"url\(|@import|fetch\(|XMLHttpRequest|\bimport\b", page.text)
     drawn = {base64.b64encode(picture.read_bytes()).decode() for picture in (done / "figures").glob("*.png")}
-    assert len(drawn) == 5
+    assert len(drawn) == 6
     assert {of["src"].removeprefix("data:image/png;base64,") for of in page.pictures} == drawn
     assert all(len(of["alt"]) > 20 for of in page.pictures)
     charts = ["Paths", "Displacement", "Von Mises", "Volume", "Energies", "Force of contact", "Area of contact"]
