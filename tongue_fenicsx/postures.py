@@ -40,9 +40,9 @@ Postures = Mapping[str, Mapping[str, Run]]
 
 
 def with_gravity(case: Scenario, setting: str) -> Scenario:
-    """A scenario in one of the `SETTINGS`, whatever its own gravity is."""
-    head = {} if setting == "none" else {"posture": setting}
-    return Scenario.model_validate(case.model_dump(exclude={"gravity"}, exclude_none=True) | {"gravity": head})
+    """A scenario in one of the `SETTINGS`, whatever its own gravity is; it rises as before."""
+    gravity = {"rise": case.gravity.rise} | ({} if setting == "none" else {"posture": setting})
+    return Scenario.model_validate(case.model_dump(exclude={"gravity"}, exclude_none=True) | {"gravity": gravity})
 
 
 def check(path: Path, case: Scenario) -> None:
