@@ -46,12 +46,14 @@ def test_plane_and_spheres() -> None:
 
 
 def test_triangulated_ball(ball: Triangulated) -> None:
-    """Distances within 0.02 mm, normals within 1 %, curvature within 10 % of the sphere's."""
+    """Distances within 0.02 mm, normals within 1.5 %, 95 of 100 within 1 %, curvature within 10 % of the sphere's, wherever the grid is."""
     points = around()
     gap, n, H = ball.evaluate(points)
     exact = Sphere(CENTRE.tolist(), RADIUS).evaluate(points)
     np.testing.assert_allclose(gap, exact[0], atol=2e-5)
-    np.testing.assert_allclose(n, exact[1], atol=1e-2)
+    wrong = abs(n - exact[1]).max(axis=1)
+    assert wrong.max() < 1.5e-2
+    assert np.percentile(wrong, 95) < 1e-2
     assert abs(np.trace(H, axis1=1, axis2=2) / np.trace(exact[2], axis1=1, axis2=2) - 1).mean() < 0.1
 
 
@@ -103,6 +105,15 @@ def test_sharp_edges_are_blunt_in_the_hessian() -> None:
     beside = 0.01 + 1e-3
     _, _, H = cube.evaluate(np.array([[beside, beside, 0.0], [beside, 0.0, 0.0]]))
     np.testing.assert_allclose(np.linalg.eigvalsh(H)[:, -1], [1 / 4e-3, 0.0], atol=1.0)
+
+
+def test_symmetric_bones_have_symmetric_gaps(tongue: tf.TongueMesh) -> None:
+    """At ±y the gap of a bone is the same, but for what the diagonals of a sheet's triangles leave."""
+    for name in ("mandible", "lower_teeth", "velum", "pharynx"):
+        bone = tongue.bones[name]
+        points = bone.points[RNG.integers(0, len(bone.points), 300)] + RNG.normal(0, 5e-4, (300, 3))
+        gaps = [Triangulated(bone).evaluate(points * (1, sign, 1))[0] for sign in (1, -1)]
+        assert np.percentile(abs(gaps[0] - gaps[1]), 99) < (0.05e-3 if name == "velum" else 1e-6), name
 
 
 def test_palate(tongue: tf.TongueMesh) -> None:

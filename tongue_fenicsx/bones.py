@@ -125,15 +125,19 @@ def _least(fields: list[Floats], rounding: float) -> Floats:
 
 
 def _solid(field: Field, lower: tuple[float, ...], upper: tuple[float, ...], spacing: float) -> Surface:
-    """The closed surface on which a field (mm, positive inside) vanishes, from a grid that meets no flat face of it exactly."""
+    """The closed surface on which a field (mm, positive inside, the same at ±y) vanishes, from a grid that meets no flat face of it
+    exactly; its left half is its right one mirrored."""
     grid = pv.ImageData(
         dimensions=[round((high - low) / spacing) + 1 for low, high in zip(lower, upper, strict=True)],
         spacing=(spacing,) * 3,
         origin=np.array(lower) + spacing * np.array([0.37, 0.0, 0.41]),
     )
     grid["field"] = -field(np.asarray(grid.points, dtype=float))
-    mesh = grid.contour([0.0], scalars="field").clean(tolerance=1e-4).smooth_taubin(n_iter=40)
-    surface = Surface.from_pyvista(mesh)
+    right = (
+        grid.contour([0.0], scalars="field").clean(tolerance=1e-4).smooth_taubin(n_iter=40).clip("y", origin=(0.0, 0.0, 0.0), invert=False)
+    )
+    both = pv.merge([right, right.reflect((0.0, 1.0, 0.0)).flip_faces()]).extract_surface(algorithm=None)
+    surface = Surface.from_pyvista(both.triangulate().clean(tolerance=1e-4))
     return surface if surface.volume > 0 else Surface(surface.points, surface.triangles[:, ::-1].copy())
 
 

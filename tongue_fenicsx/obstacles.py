@@ -176,9 +176,9 @@ class Triangulated:
         if not (0 < 4 * spacing <= band < np.inf):
             raise InputError(f"obstacle: spacing {spacing} m and band {band} m; a positive spacing and at least 4 of it are expected.")
         self.surface, self.spacing, self.band = surface, spacing, band
-        margin = band + 2 * spacing
-        self._origin = surface.points.min(axis=0) - margin
-        shape = np.ceil((np.ptp(surface.points, axis=0) + 2 * margin) / spacing).astype(np.int64) + 1
+        low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+        shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
+        self._origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
         self._values = self._sample(_simplified(surface, spacing), shape)
         self._coefficients = ndimage.spline_filter(self._values, order=3)
 
