@@ -24,6 +24,26 @@ SUBJECT = Path(__file__).parents[2] / "shared" / "data" / "subject_pb"
 needs_subject = pytest.mark.skipif(not SUBJECT.is_dir(), reason="the data of subject PB are not beside the project")
 
 
+LIVING = """
+[mesh]
+file = "tongue.msh"
+[tissue]
+preset = "buchaillard"
+[time]
+end = 0.12
+[output]
+every = 0.06
+[activation.MH]
+pieces = [[0.1, 0.0, 0.8]]
+[activation.GGP]
+pieces = [[0.1, 0.0, 0.8]]
+[activation.SL]
+pieces = [[0.1, 0.0, 0.3]]
+[contact.palate]
+"""
+"""The tongue rises to the palate; beside `tongue_file`."""
+
+
 def write_block(path: Path, lengths: tuple[float, float, float], divisions: tuple[int, int, int]) -> None:
     """A box of tetrahedra in m with surfaces ``left`` (x = 0), ``right`` and ``free``, volume ``passive``."""
     gmsh.initialize(interruptible=False)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import LIVING
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
@@ -35,33 +36,20 @@ def test_circles() -> None:
     np.testing.assert_allclose(airway.nearest(wall, tongue), radius - 20, rtol=1e-4)
 
 
-SCENARIO = """
-[mesh]
-file = "tongue.msh"
-[tissue]
-preset = "buchaillard"
-[time]
-end = 0.06
-[output]
-every = 0.03
-[activation.GGP]
-pieces = [[0.03, 0.0, 0.3]]
-[contact.palate]
-"""
-
-
 def test_postures(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Three runs; gravity of the supine head opens the airway's front and lowers the tongue's distance to the wall behind; one sheet, one
-    table; the curve at rest is that of the mesh."""
+    """Three runs; gravity of the upright head lowers the tip, that of the supine one draws it back and widens the airway in front; one
+    sheet, one table; the wall is the palate's mid-line, and each run keeps the curve."""
     path = tongue_file.parent / "posture.toml"
-    path.write_text(SCENARIO)
-    code, text = command(capsys, "postures", path, "-o", tmp_path)
+    path.write_text(LIVING)
+    code, text = command(capsys, "postures", path, "-o", tmp_path, "--set", "time.end=0.06", "--set", "output.every=0.03")
     assert code == 0, text
     runs = {setting: tf.Run(tmp_path / "posture" / setting) for setting in ("none", "upright", "supine")}
     assert runs["upright"].probes["tip"][-1, 2] < runs["none"].probes["tip"][-1, 2] - 1e-4
     assert runs["supine"].probes["tip"][-1, 0] > runs["none"].probes["tip"][-1, 0] + 1e-4
     assert (tmp_path / "postures.md").read_text().count("\n") == 5
     assert (tmp_path / "postures.png").stat().st_size > 20_000
+    fronts = {setting: airway.airway(run, [-1]).distance[0, 0] for setting, run in runs.items()}
+    assert fronts["supine"] > fronts["none"]
     run = runs["upright"]
     passage = airway.airway(run)
     assert passage.distance.shape == (3, len(passage.wall))
@@ -79,7 +67,7 @@ def test_postures(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_no_airway(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A posture without a wall, and two of one name, are refused before anything runs."""
     path = tongue_file.parent / "free.toml"
-    path.write_text(SCENARIO.replace("[contact.palate]", ""))
+    path.write_text(LIVING.replace("[contact.palate]", ""))
     code, text = command(capsys, "postures", path, "-o", tmp_path)
     assert code == 2
     assert "none with a wall of the airway" in text

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
-from conftest import SUBJECT, needs_subject
+from conftest import LIVING, SUBJECT, needs_subject
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.assemble import simulation_of
@@ -52,29 +52,10 @@ def test_no_vault() -> None:
         electrodes(aside)
 
 
-SCENARIO = """
-[mesh]
-file = "tongue.msh"
-[tissue]
-preset = "buchaillard"
-[time]
-end = 0.12
-[output]
-every = 0.06
-[activation.MH]
-pieces = [[0.1, 0.0, 0.8]]
-[activation.GGP]
-pieces = [[0.1, 0.0, 0.8]]
-[activation.SL]
-pieces = [[0.1, 0.0, 0.3]]
-[contact.palate]
-"""
-
-
 def test_of_a_run(tongue_file: Path) -> None:
     """The rising tongue touches the margins of the palate; table, picture and obstacle stand in the run folder."""
     path = tongue_file.parent / "rise.toml"
-    path.write_text(SCENARIO)
+    path.write_text(LIVING)
     run = simulation_of(load(path), path.parent).run(0.12, path.parent / "rise")
     assert np.linalg.norm(run.contact["palate"]["force"][-1]) > 0.01
     assert run.contact["palate"]["penetration"].max() < 0.05e-3

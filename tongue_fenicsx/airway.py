@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,13 +60,15 @@ class Airway:
         path.write_text("\n".join([",".join(head), *lines]) + "\n", encoding="utf-8")
 
 
-def airway(run: Run) -> Airway:
-    """The airway of a run at each output.
+def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
+    """The airway of a run.
 
     Parameters
     ----------
     run : Run
         With contact at walls named as in `WALLS`; they are taken where they are at rest.
+    outputs : sequence of int, optional
+        Which of its outputs; by default all.
 
     Raises
     ------
@@ -78,8 +81,9 @@ def airway(run: Run) -> Airway:
     rest = section(grids(run, 0)[0])
     wall, part = _wall(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(wall, axis=0), axis=1))]
-    distance = [nearest(wall, outline(section(grids(run, index)[1]))) for index in range(len(run.output_times))]
-    return Airway(run.output_times, wall, part, along, np.array(distance))
+    outputs = range(len(run.output_times)) if outputs is None else outputs
+    distance = [nearest(wall, outline(section(grids(run, index)[1]))) for index in outputs]
+    return Airway(run.output_times[list(outputs)], wall, part, along, np.array(distance))
 
 
 def _wall(walls: dict[str, Floats], centre: Floats) -> tuple[Floats, np.ndarray]:

@@ -269,10 +269,10 @@ def calibrate(
     muscle: Muscles = None,
 ) -> None:
     """Find the peak stress with which each tongue muscle alone reaches a strain."""
+    import tomli_w
     from mpi4py import MPI
 
     from . import calibration, solo
-    from .scenario import to_toml
     from .tonguemesh import on_rank_zero
 
     comm = MPI.COMM_WORLD
@@ -287,7 +287,7 @@ def calibrate(
         found = calibration.calibrate(path, muscles, tissue, strain, bar.say, bar)
     if comm.rank == 0:
         name = f"parametric tongue, {preset}" if mesh is None else mesh.name
-        output.write_text(calibration.HEADER + to_toml(calibration.table(found, name, tissue, strain)), encoding="utf-8")
+        output.write_text(calibration.HEADER + tomli_w.dumps(calibration.table(found, name, tissue, strain)), encoding="utf-8")
         table = Table("muscle", "peak stress kPa", "strain", "runs", "", title=f"{name}, tissue {tissue}, strain {strain:g}")
         for key, f in found.items():
             note = "" if f.reached else f"{strain:g} is not reached up to {1e-3 * f.limit:g} kPa"
@@ -353,12 +353,15 @@ def postures(
     with ProgressBar(console, comm.rank == 0, lines=False) as bar:
         found = postures.runs(cases, output, bar.say, bar)
     if comm.rank == 0:
-        columns, *rows = postures.written(found, output)
+        from .sheet import sheet
+
+        passages = postures.airways(found)
+        columns, *rows = postures.written(found, passages, output)
         table = Table(*columns, title="mm backward and upward at the end; narrowest place of the airway")
         for row in rows:
             table.add_row(*row)
         console.print(table)
-        postures.sheet(found, output / "postures.png")
+        sheet(found, passages, output / "postures.png")
         console.print("wrote " + ", ".join(str(output / name) for name in postures.FILES))
 
 

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import asdict, fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import tomli_w
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from . import muscles, passive
@@ -476,34 +476,4 @@ def _known_keys(where: list[Any]) -> list[str]:
 
 def dump(scenario: Scenario) -> str:
     """The scenario as TOML, with all defaults written out."""
-    return to_toml(scenario.model_dump(exclude_none=True))
-
-
-def to_toml(table: Mapping[str, Any], prefix: str = "") -> str:
-    """A table as TOML."""
-    plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
-    text = "".join(f"{_key(key)} = {_value(value)}\n" for key, value in plain.items())
-    for key, value in table.items():
-        if isinstance(value, dict) and value:
-            name = f"{prefix}{_key(key)}"
-            inner = to_toml(value, f"{name}.")
-            header = "" if all(isinstance(v, dict) for v in value.values()) else f"\n[{name}]\n"
-            text += header + inner
-    return text
-
-
-def _key(key: str) -> str:
-    return key if key.isascii() and key.replace("_", "").isalnum() else _value(key)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return repr(value)
+    return tomli_w.dumps(scenario.model_dump(exclude_none=True))

@@ -6,11 +6,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
-import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -23,7 +20,9 @@ from .contact import AUGMENTATIONS, touches_summary
 from .errors import InputError, SolveError, check_outputs
 from .fibres import Floats
 from .fields import ExtraFields
+from .interruption import interruptible
 from .measures import ENERGIES, Measures
+from .memory import peak_memory
 from .model import Model
 from .muscles import peak_stress, resolve
 from .probes import Probes
@@ -32,7 +31,7 @@ from .run import Run
 from .solver import Newton, Outcome, Tolerances
 from .timestep import GeneralizedAlpha, QuasiStatic, State
 from .tonguemesh import on_rank_zero
-from .versions import peak_memory, versions
+from .versions import versions
 
 SMALL = 1e-4
 """Displacement in m below which the error of a step is not judged more sharply: motion from rest would need endless steps."""
@@ -266,7 +265,7 @@ class _Loop:
         """Step to the end, cutting steps that fail and growing them again."""
         step = self.counters.get("next_step", self.stepping.step_max)
         milestones = self._milestones()
-        with _interruptible() as interrupted:
+        with interruptible() as interrupted:
             self._clock = time.perf_counter()
             while self.scheme.state.t < self.t_end * (1 - 1e-12):
                 t = self.scheme.state.t
@@ -487,22 +486,3 @@ class _Loop:
             },
             "versions": versions(),
         }
-
-
-@contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Turn Ctrl-C into a flag, so that a run ends between two steps with everything saved."""
-    caught = False
-
-    def note(number: int, frame: object) -> None:
-        nonlocal caught
-        if caught:
-            os._exit(130)
-        caught = True
-
-    previous = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: caught
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

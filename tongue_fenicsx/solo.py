@@ -4,22 +4,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
 
 from . import meshing
-from .anatomy import Anatomy
-from .assemble import simulation_of
+from .assemble import anatomy_of, simulation_of, size_of
 from .errors import InputError
 from .muscles import CATALOGUE, base_name, resolve
-from .parametric import parametric_tongue
 from .run import Run
-from .scenario import Scenario, dump
+from .scenario import MeshSection, Scenario, dump
 from .simulation import Report
-from .subject import read_subject
 from .tonguemesh import TongueMesh, on_rank_zero
 
 LANDMARKS = ("tip", "dorsum", "root", "edge_left", "edge_right")
@@ -39,7 +36,7 @@ def mesh_of(mesh: Path | None, preset: str, folder: Path) -> Path:
     """The mesh file: the given one, or that of the parametric tongue, built in `folder` if it is not there yet."""
     if mesh is not None:
         return mesh
-    return _built(folder / f"{preset}.msh", parametric_tongue, preset)
+    return built(MeshSection(parametric=preset), folder / f"{preset}.msh")
 
 
 def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) -> list[str]:
@@ -73,12 +70,12 @@ def subject_mesh(subject: Path, folder: Path) -> Path:
     InputError
         If the subject's folder cannot be used (see `subject.read_subject`).
     """
-    anatomy = on_rank_zero(MPI.COMM_WORLD, lambda: read_subject(subject))
-    return _built(folder / f"{subject.resolve().name}.msh", lambda: anatomy, "coarse")
+    return built(MeshSection(subject=str(subject)), folder / f"{subject.resolve().name}.msh")
 
 
-def _built(path: Path, anatomy: Callable[[], Anatomy], preset: str) -> Path:
-    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy(), path, meshing.PRESETS[preset]))
+def built(source: MeshSection, path: Path) -> Path:
+    """The mesh file of a mesh section in m, built if it is not there yet."""
+    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy_of(source), path, size_of(source)))
     return path
 
 
@@ -114,7 +111,7 @@ def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float =
 
 
 def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
-    """Run a scenario with the landmarks as probes, unless `folder` holds the finished run of the same; also say how long it took.
+    """Run a scenario with the landmarks as further probes, unless `folder` holds the finished run of the same; also say how long it took.
 
     Raises
     ------
@@ -123,7 +120,7 @@ def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[R
     SolveError
         If the run fails.
     """
-    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS}})
+    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS} | (case.probes or {})})
     text = dump(case)
     if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
         return Run(folder), "already there"

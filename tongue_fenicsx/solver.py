@@ -138,7 +138,8 @@ class Newton:
         snes.setFunction(self._assemble_residual, self._b)
         snes.setJacobian(self._assemble_tangent, self._operator)
         snes.setType("newtonls")
-        searched = bool(weak.contacts.terms) and weak.pressure is None  # where points begin to touch, residuals grow before they shrink
+        # where points begin to touch, residuals grow before they shrink; with a pressure the work along a step has no least energy to say
+        searched = bool(weak.contacts.terms) and weak.pressure is None
         self._trial, self._trial_residual, self._tried = self._x.duplicate(), self._b.duplicate(), False
         snes.getLineSearch().setType("basic" if searched else "bt")
         if searched:

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Which software computed a result, and how much memory it took."""
+"""Which software computed a result."""
 
 from __future__ import annotations
 
-import re
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 from petsc4py import PETSc
 
@@ -22,9 +20,3 @@ def versions() -> dict[str, str]:
             continue
     found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
     return found
-
-
-def peak_memory() -> float:
-    """Memory that this process took at most, in GiB."""
-    found = re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="utf-8"))  # ru_maxrss has the parent's, too
-    return int(found.group(1)) / 2**20 if found else float("nan")
