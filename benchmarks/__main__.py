@@ -16,8 +16,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from tongue_fenicsx.tables import markdown as table
-from tongue_fenicsx.versions import versions
+from tongue_fenicsx.core.tables import markdown as table
+from tongue_fenicsx.core.versions import versions
 
 from . import measure, peers
 from .timing import Finished, machine, repeated, run

@@ -16,10 +16,13 @@ import numpy as np
 from petsc4py import PETSc
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import jit, meshing
-from tongue_fenicsx.solver import Newton, Tolerances
-from tongue_fenicsx.timestep import GeneralizedAlpha
-from tongue_fenicsx.verification.rows import box, with_fibres
+from tongue_fenicsx.forms import jit
+from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.solvers.newton import Newton
+from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
+from tongue_fenicsx.solvers.tolerances import Tolerances
+from tongue_fenicsx.testing import box, with_fibres
 
 from .timing import EVENTS, Finished, run, seconds
 
@@ -49,7 +52,7 @@ def assembly(file: Path, repeats: int) -> dict[str, dict[str, float]]:
     cells = tongue.mesh.topology.index_map(3).size_global
     found = {}
     for name, muscles in (("GGP", ["GGP_L", "GGP_R"]), ("all muscles", list(tongue.muscles))):
-        weak = tf.Model(tongue).weak_form(muscles)
+        weak = WeakForm(tf.Model(tongue), muscles)
         newton = Newton(weak, GeneralizedAlpha(weak.u), Tolerances(), print)
         newton.forces.repack()
         times = {

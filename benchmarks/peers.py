@@ -18,11 +18,12 @@ from scipy.sparse.linalg import spsolve
 from skfem.helpers import ddot, det, dot, inv, mul
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.passive import bulk_modulus
-from tongue_fenicsx.results import Numbering
-from tongue_fenicsx.timestep import GeneralizedAlpha
+from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.mechanics.hyperelasticity import bulk_modulus
+from tongue_fenicsx.runs.numbering import Numbering
+from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
+from tongue_fenicsx.testing import box
 from tongue_fenicsx.verification import calculix
-from tongue_fenicsx.verification.rows import box
 
 from .timing import seconds
 
@@ -80,7 +81,7 @@ def ours(n: int, steps: int) -> Peer:
 def plain(n: int, steps: int) -> Peer:
     """DOLFINx as its tutorials use it: Newton, MUMPS LU, default flags; the same weak form, quadrature of degree 4."""
     block = model(n, steps)
-    weak = block.weak_form([])
+    weak = WeakForm(block, [])
     scheme = GeneralizedAlpha(weak.u, 1.0)
     F = ufl.Identity(3) + ufl.grad(weak.u)
     dx = ufl.dx(metadata={"quadrature_degree": 4})
@@ -117,7 +118,7 @@ def by_calculix(n: int, steps: int) -> Peer:
 
 def by_scikit_fem(n: int, steps: int) -> Peer:
     """scikit-fem with NumPy kernels and SciPy's SuperLU: the same steps by the trapezoidal rule, Newton to 1e-4."""
-    numbering = Numbering(model(n, steps).weak_form([]).V)
+    numbering = Numbering(WeakForm(model(n, steps), []).V)
     assert numbering.points is not None
     assert numbering.cells is not None
     corners, cells = np.unique(numbering.cells[:, :4], return_inverse=True)

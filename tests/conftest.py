@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import tongue_fenicsx as tf  # before mpi4py
-from tongue_fenicsx import meshing
-from tongue_fenicsx.tonguemesh import on_rank_zero
+from tongue_fenicsx.core.parallel import on_rank_zero
+from tongue_fenicsx.meshing import build as meshing
 
 from mpi4py import MPI  # isort: skip
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tongue_fenicsx import Activation, Excited, InputError, ramp
-from tongue_fenicsx.activation import FunctionOfTime
+from tongue_fenicsx.mechanics.activation import FunctionOfTime
 
 
 def test_sequence() -> None:

@@ -11,7 +11,7 @@ from conftest import LIVING
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import airway
+from tongue_fenicsx.analysis import airway
 
 
 def arc(radius: float, start: float, end: float, n: int = 400) -> np.ndarray:

@@ -15,11 +15,12 @@ import pyvista as pv
 from conftest import EXAMPLE, SUBJECT, needs_subject, opened
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import meshing, portraits
-from tongue_fenicsx.anatomy import gaps, measure
-from tongue_fenicsx.comparison import compare
-from tongue_fenicsx.muscles import CATALOGUE, PEAK_STRESS
-from tongue_fenicsx.shape import TongueShape
+from tongue_fenicsx.anatomy.anatomy import gaps, measure
+from tongue_fenicsx.anatomy.catalogue import CATALOGUE, PEAK_STRESS
+from tongue_fenicsx.anatomy.comparison import compare
+from tongue_fenicsx.anatomy.parametric.size import TongueShape
+from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.plotting import anatomy_figures as portraits
 
 TABLE_VOLUME = {
     "GGP": 16.0, "GGM": 4.4, "GGA": 5.2, "SG": 3.5, "HG": 7.8, "IL": 3.0, "SL": 18.8, "VERT": 22.8, "TRANS": 40.6, "GH": 1.9, "MH": 5.1,

@@ -13,7 +13,7 @@ import pyvista as pv
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import atlas
+from tongue_fenicsx.studies import atlas
 
 
 def test_row() -> None:

@@ -12,10 +12,10 @@ import pytest
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import calibration
-from tongue_fenicsx.calibration import BOUND, find_stress
-from tongue_fenicsx.muscles import CALIBRATION, CALKA_STRESS, PEAK_STRESS
-from tongue_fenicsx.scenario import load
+from tongue_fenicsx.anatomy.catalogue import CALIBRATION, CALKA_STRESS, PEAK_STRESS
+from tongue_fenicsx.scenario.files import load
+from tongue_fenicsx.studies import calibration
+from tongue_fenicsx.studies.calibration import BOUND, find_stress
 
 
 def saturating(most: float, half: float) -> Callable[[float], float]:

@@ -13,9 +13,9 @@ import pytest
 from conftest import EXAMPLE, write_block
 
 from tongue_fenicsx import Run
-from tongue_fenicsx.cli import main
-from tongue_fenicsx.muscles import CALKA_STRESS
-from tongue_fenicsx.scenario import dump, load
+from tongue_fenicsx.anatomy.catalogue import CALKA_STRESS
+from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.scenario.files import dump, load
 
 SCENARIO = """
 [mesh]

@@ -13,14 +13,17 @@ import pyvista as pv
 from conftest import SUBJECT, needs_subject
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import meshing
-from tongue_fenicsx.assemble import simulation_of
-from tongue_fenicsx.contact import SOFTER, Contact
-from tongue_fenicsx.obstacles import Plane, Triangulated
-from tongue_fenicsx.scenario import dump, load
-from tongue_fenicsx.solver import Newton, Outcome, Tolerances
-from tongue_fenicsx.timestep import GeneralizedAlpha
-from tongue_fenicsx.tonguemesh import on_rank_zero
+from tongue_fenicsx.core.parallel import on_rank_zero
+from tongue_fenicsx.forms.contact_terms import SOFTER
+from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.geometry.obstacles import Plane, Triangulated
+from tongue_fenicsx.mechanics.contact import Contact
+from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.files import dump, load
+from tongue_fenicsx.solvers.newton import Newton, Outcome
+from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
+from tongue_fenicsx.solvers.tolerances import Tolerances
 
 FLOOR = Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0))
 END = {"end": (0.02, 0.005, 0.005)}
@@ -64,7 +67,7 @@ def test_the_floor_carries(block: tf.TongueMesh, scratch: Path, form: str, mixed
 @pytest.mark.parametrize("squeeze", [0.0, 2.0])
 def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     """A step 3 mm down to a floor 1 mm below ends at the floor; one that turns the block inside out is cut."""
-    weak = sinking(block, Contact(FLOOR)).weak_form([])
+    weak = WeakForm(sinking(block, Contact(FLOOR)), [])
     scheme = GeneralizedAlpha(weak.u)
     newton = Newton(weak, scheme, Tolerances(), print)
     weak.set_time(1.0, {})
@@ -149,9 +152,9 @@ def test_touching_at_rest(block: tf.TongueMesh) -> None:
         model = sinking(block, Contact(plane))
         if refused:
             with pytest.raises(tf.InputError, match=r"contact\.floor: at rest the tongue is 0\.30 mm inside it at \(.*, .*, 0\.0\) mm"):
-                model.weak_form([])
+                WeakForm(model, [])
         else:
-            weak = model.weak_form([])
+            weak = WeakForm(model, [])
             term = weak.contacts.terms["floor"]
             assert term.gap.x.array.min() == pytest.approx(0.0, abs=1e-12)
 
@@ -249,9 +252,9 @@ def test_demo_of_a_subject(scratch: Path) -> None:
     meshing.build(tf.read_subject(SUBJECT), mesh, 5e-3)
     demo = Path(__file__).parents[1] / "demos" / "subject_palate.toml"
     changes = [f"mesh.file='{mesh}'"]
-    weak = simulation_of(load(demo, changes), scratch).model.weak_form([])
+    weak = WeakForm(simulation_of(load(demo, changes), scratch).model, [])
     assert set(weak.contacts.terms) == {"palate_hard", "velum", "pharynx_wall", "mandible"}
     assert all(term.gap.x.array.min() >= -1e-12 for term in weak.contacts.terms.values())
     model = simulation_of(load(demo, [*changes, "contact.velum.touching=0.0002"]), scratch).model
     with pytest.raises(tf.InputError, match=r"contact\.velum: at rest the tongue is 0\.\d\d mm inside it"):
-        model.weak_form([])
+        WeakForm(model, [])

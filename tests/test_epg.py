@@ -11,10 +11,10 @@ import pyvista as pv
 from conftest import LIVING, SUBJECT, needs_subject
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.assemble import simulation_of
-from tongue_fenicsx.epg import ELECTRODES, electrodes, electropalatogram
-from tongue_fenicsx.scenario import load
-from tongue_fenicsx.surface import Surface, read_surface
+from tongue_fenicsx.analysis.electropalatogram import ELECTRODES, electrodes, electropalatogram
+from tongue_fenicsx.geometry.surface import Surface, read_surface
+from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.files import load
 
 
 def check(places: np.ndarray, palate: Surface) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.tonguemesh import on_rank_zero
+from tongue_fenicsx.core.parallel import on_rank_zero
 
 from mpi4py import MPI  # isort: skip
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import jit
-from tongue_fenicsx.verification.rows import with_fibres
+from tongue_fenicsx.forms import jit
+from tongue_fenicsx.testing import with_fibres
 
 
 def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tongue_fenicsx import kinematics
+from tongue_fenicsx.analysis import trajectories as kinematics
 
 T = np.sort(np.r_[np.linspace(0, 0.1, 41), np.linspace(0.02, 0.05, 20)[1:-1]])
 """Times in s with steps of different length."""

@@ -16,11 +16,12 @@ from dolfinx.fem import petsc as fem_petsc
 from dolfinx.mesh import entities_to_geometry
 
 import tongue_fenicsx as tf
-from tongue_fenicsx import jit, quadrature
-from tongue_fenicsx.model import WeakForm
-from tongue_fenicsx.passive import bulk_modulus
-from tongue_fenicsx.tonguemesh import MuscleEntry
-from tongue_fenicsx.verification.rows import homogeneous, stress_at, with_fibres
+from tongue_fenicsx.forms import jit, quadrature
+from tongue_fenicsx.forms.fibre_slots import tendon_factor
+from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.mechanics.hyperelasticity import bulk_modulus
+from tongue_fenicsx.meshing.tongue_mesh import MuscleEntry
+from tongue_fenicsx.testing import homogeneous, stress_at, with_fibres
 
 ANCHOR = np.array([0.05, 0.01, 0.02])
 
@@ -35,7 +36,7 @@ def with_entry(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.
 
 
 def weak_form(tongue: tf.TongueMesh, active: list[str] | None = None, **options: object) -> WeakForm:
-    return tf.Model(tongue, fixed=["left"], **options).weak_form(active or [])  # type: ignore[arg-type]
+    return WeakForm(tf.Model(tongue, fixed=["left"], **options), active or [])  # type: ignore[arg-type]
 
 
 LAWS = {
@@ -246,7 +247,7 @@ def test_tendon_zone(block: tf.TongueMesh) -> None:
     """The active stress is nil at the bonded face and whole beyond the tendon."""
     model = tf.Model(block, fixed=["left"], contraction=tf.Contraction(tendon_length=6e-3))
     x = np.array([0.0, 3e-3, 6e-3, 12e-3])
-    factor = model.tendon_factor(np.column_stack([x, np.full(4, 5e-3), np.full(4, 5e-3)]))
+    factor = tendon_factor(model)(np.column_stack([x, np.full(4, 5e-3), np.full(4, 5e-3)]))
     np.testing.assert_allclose(factor, [0, 0.5, 1, 1], atol=1e-9)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.assemble import simulation_of
-from tongue_fenicsx.scenario import load
-from tongue_fenicsx.verification.rows import box, with_fibres
+from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.files import load
+from tongue_fenicsx.testing import box, with_fibres
 
 END = {"end": (0.02, 0.005, 0.005)}
 TIGHT = tf.Tolerances(rtol=1e-9, atol=1e-13, linear=1e-7)

@@ -9,8 +9,8 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.obstacles import BAND, Moved, Obstacle, Plane, Sphere, Triangulated, check_orientation
-from tongue_fenicsx.surface import Surface
+from tongue_fenicsx.geometry.obstacles import BAND, Moved, Obstacle, Plane, Sphere, Triangulated, check_orientation
+from tongue_fenicsx.geometry.surface import Surface
 
 CENTRE, RADIUS = np.array([0.01, 0.0, 0.02]), 0.012
 RNG = np.random.default_rng(3)

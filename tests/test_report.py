@@ -24,10 +24,10 @@ from test_cli import tongue as command
 
 import tongue_fenicsx as tf
 from tongue_fenicsx import report
-from tongue_fenicsx.cli import main
+from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.report import motion as packing
 from tongue_fenicsx.report import write_report
-from tongue_fenicsx.surface import Surface
 
 SCENARIO = """
 [mesh]

@@ -12,8 +12,8 @@ import pytest
 import pyvista as pv
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.measures import hencky_von_mises, weighted_percentile
-from tongue_fenicsx.tonguemesh import on_rank_zero
+from tongue_fenicsx.core.parallel import on_rank_zero
+from tongue_fenicsx.simulation.energy import hencky_von_mises, weighted_percentile
 
 from mpi4py import MPI  # isort: skip
 

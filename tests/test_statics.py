@@ -12,8 +12,8 @@ import pytest
 import pyvista as pv
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.cli import main
-from tongue_fenicsx.verification.rows import with_fibres
+from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.testing import with_fibres
 
 DEMOS = Path(__file__).parents[1] / "demos"
 

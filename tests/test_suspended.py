@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.assemble import simulation_of
-from tongue_fenicsx.rigid import Suspension
-from tongue_fenicsx.scenario import load
-from tongue_fenicsx.solver import Newton, Tolerances
-from tongue_fenicsx.timestep import GeneralizedAlpha
-from tongue_fenicsx.verification.rows import with_fibres
+from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.mechanics.suspension import Suspension
+from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.files import load
+from tongue_fenicsx.solvers.newton import Newton
+from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
+from tongue_fenicsx.solvers.tolerances import Tolerances
+from tongue_fenicsx.testing import with_fibres
 
 PROBES = {f"corner_{y}{z}": (0.02, 0.01 * y, 0.01 * z) for y in (0, 1) for z in (0, 1)}
 
@@ -67,7 +69,7 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
 @pytest.mark.parametrize("mixed", [False, True])
 def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
     """The reduced tangent, with its bending part, leaves of the reduced residual's change what shrinks with the square of the step."""
-    weak = hung(block, Suspension(), mixed, damping=tf.Rayleigh(20.0, 0.01)).weak_form(["GGP_L"])
+    weak = WeakForm(hung(block, Suspension(), mixed, damping=tf.Rayleigh(20.0, 0.01)), ["GGP_L"])
     weak.set_time(0.0, {"GGP_L": 0.7})
     weak.frozen = weak.u  # the whole derivative
     scheme = GeneralizedAlpha(weak.u, 0.8, weak.pressure)

@@ -10,8 +10,14 @@ from typing import Any
 
 import pytest
 
-from tongue_fenicsx import active, forces, measures, model, obstacles, passive, timestep
-from tongue_fenicsx.cli import main
+from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.forms import nodal_forces as forces
+from tongue_fenicsx.geometry import obstacles
+from tongue_fenicsx.mechanics import contraction as active
+from tongue_fenicsx.mechanics import hyperelasticity as passive
+from tongue_fenicsx.mechanics import model
+from tongue_fenicsx.simulation import energy as measures
+from tongue_fenicsx.solvers import time_integration as timestep
 from tongue_fenicsx.verification import CASES, Row, calculix, motion
 
 needs_calculix = pytest.mark.skipif(shutil.which(calculix.CALCULIX) is None, reason="CalculiX (ccx) is not installed")

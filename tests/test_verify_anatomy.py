@@ -14,11 +14,12 @@ import pytest
 import pyvista as pv
 from test_cli import tongue as command
 
-from tongue_fenicsx import solo
-from tongue_fenicsx.errors import SolveError
-from tongue_fenicsx.fibres import Floats
-from tongue_fenicsx.verification import anatomy, matrix
-from tongue_fenicsx.verification.movement import movement
+from tongue_fenicsx.analysis.movement import movement
+from tongue_fenicsx.core.errors import SolveError
+from tongue_fenicsx.core.types import Floats
+from tongue_fenicsx.studies import anatomy_check as matrix
+from tongue_fenicsx.studies import anatomy_statements as anatomy
+from tongue_fenicsx.studies import single_muscle as solo
 
 CENTRE, RADII = np.array([15.0, 0.0, 22.0]), np.array([35.0, 25.0, 17.0])
 STATIONS = [-20.0, -2.5, 15.0, 50.0]

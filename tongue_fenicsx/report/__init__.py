@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import InputError
-from ..run import Run
+from ..core.errors import InputError
+from ..runs.run import Run
 from .page import Detail, page
 
 LIMIT = 15_000_000

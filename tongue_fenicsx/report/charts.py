@@ -9,7 +9,7 @@ from html import escape
 
 import numpy as np
 
-from ..fibres import Floats
+from ..core.types import Floats
 from .motion import evenly
 
 WIDTH, HEIGHT = 520, 300

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fibres import Floats
-from ..run import Run
-from ..surface import Ints, Surface
+from ..core.types import Floats, Ints
+from ..geometry.surface import Surface
+from ..runs.run import Run
 
 FINE = 20_000
 """Above so many nodes on the surface only the corners of the tetrahedra are shown."""

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ..errors import reading
-from ..fibres import Floats
-from ..run import WHOLE, Run
+from ..core.errors import reading
+from ..core.types import Floats
+from ..runs.run import WHOLE, Run
 from .charts import Line, chart
 from .motion import motion, strain
 

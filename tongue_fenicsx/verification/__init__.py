@@ -3,8 +3,8 @@
 
 from collections.abc import Callable, Iterator
 
+from ..testing import Row
 from . import calculix, contact, material, motion, muscle
-from .rows import Row
 
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "laws": material.laws,

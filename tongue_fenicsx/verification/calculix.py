@@ -14,14 +14,15 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from ..errors import InputError
-from ..fibres import Floats
-from ..model import Model, Rayleigh
-from ..passive import Yeoh, bulk_modulus
-from ..results import Numbering
-from ..simulation import Simulation, Stepping
-from ..solver import Tolerances
-from .rows import Row, box
+from ..core.errors import InputError
+from ..core.types import Floats
+from ..mechanics.hyperelasticity import Yeoh, bulk_modulus
+from ..mechanics.model import Model, Rayleigh
+from ..runs.numbering import Numbering
+from ..simulation.simulation import Simulation
+from ..simulation.stepping import Stepping
+from ..solvers.tolerances import Tolerances
+from ..testing import Row, box
 
 CALCULIX = "ccx"
 

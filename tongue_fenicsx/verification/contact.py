@@ -14,22 +14,26 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from ..active import Contraction
-from ..contact import Contact, ContactMeasures
-from ..errors import SolveError
-from ..fibres import Floats
-from ..model import Model, Rayleigh, WeakForm
-from ..motion import RigidMotion
-from ..obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
-from ..passive import NeoHookean, Yeoh
-from ..run import Run
-from ..simulation import Simulation, Stepping
-from ..solver import Newton, Tolerances
-from ..surface import Surface
-from ..timestep import QuasiStatic
-from ..tonguemesh import TongueMesh
+from ..core.errors import SolveError
+from ..core.types import Floats
+from ..forms.contact_terms import ContactMeasures
+from ..forms.weak_form import WeakForm
+from ..geometry.obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
+from ..geometry.rigid_motion import RigidMotion
+from ..geometry.surface import Surface
+from ..mechanics.contact import Contact
+from ..mechanics.contraction import Contraction
+from ..mechanics.hyperelasticity import NeoHookean, Yeoh
+from ..mechanics.model import Model, Rayleigh
+from ..meshing.tongue_mesh import TongueMesh
+from ..runs.run import Run
+from ..simulation.simulation import Simulation
+from ..simulation.stepping import Stepping
+from ..solvers.newton import Newton
+from ..solvers.time_integration import QuasiStatic
+from ..solvers.tolerances import Tolerances
+from ..testing import Row, box, homogeneous, roller, with_fibres
 from .material import closed_form, remainder
-from .rows import Row, box, homogeneous, roller, with_fibres
 
 FORMS = (("penalty", 0), ("nitsche", 0), ("nitsche", 1), ("nitsche", -1))
 
@@ -39,10 +43,10 @@ def tangent() -> Iterator[Row]:
     block = with_fibres(box((0.02, 0.01, 0.01), (4, 3, 3)), (1.0, 0.4, -0.2))
     ball = Sphere((0.012, 0.005, -0.0102), 0.01)
     for form, theta in FORMS:
-        weak = Model(
+        weak = WeakForm(Model(
             block, Yeoh.calka(), Contraction(), Rayleigh(20.0, 0.01), fixed=["wall"], sigma_max={"GGP": 3e3},
             contacts={"ball": Contact(ball, form, theta)},
-        ).weak_form(["GGP_L"])  # fmt: skip
+        ), ["GGP_L"])  # fmt: skip
         weak.set_time(1.0, {"GGP_L": 0.6})
         homogeneous(weak, np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.04], [0.03, 0.0, 1.02]]))
         _place(weak, "ball", (0.0, 0.0, 8e-4))
@@ -76,7 +80,7 @@ def pressed() -> Iterator[Row]:
     size, stretch = 0.01, 0.9
     lid = Plane((0, 0, size), (0, 0, -1))
     for theta in (0, 1, -1):
-        weak = Model(box((size,) * 3, (2, 2, 2)), Yeoh.calka(), fixed=[], contacts={"lid": Contact(lid, theta=theta)}).weak_form([])
+        weak = WeakForm(Model(box((size,) * 3, (2, 2, 2)), Yeoh.calka(), fixed=[], contacts={"lid": Contact(lid, theta=theta)}), [])
         weak.bcs = [roller(weak, axis) for axis in range(3)]
         homogeneous(weak, np.diag([1.04, 1.04, 0.91]))  # a guess
         _place(weak, "lid", (0.0, 0.0, (stretch - 1) * size))
@@ -110,7 +114,7 @@ def hertz(divisions: tuple[int, ...] = (8, 16)) -> Iterator[Row]:
     errors = []
     for n in divisions:
         block = _quarter(n, 20 * reach)
-        weak = Model(block, law, fixed=["far"], contacts={"ball": Contact(Sphere((0, 0, radius), radius))}).weak_form([])
+        weak = WeakForm(Model(block, law, fixed=["far"], contacts={"ball": Contact(Sphere((0, 0, radius), radius))}), [])
         given = fem.Function(weak.V)
         given.interpolate(lambda X: np.where(np.linalg.norm(X, axis=0) > reach, far(np.where(X == 0, 1e-12, X)), 0.0))
         nodes = weak.supports["far"]

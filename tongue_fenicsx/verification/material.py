@@ -11,15 +11,17 @@ from dolfinx import default_scalar_type, fem, la
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 
-from ..active import Contraction
-from ..errors import SolveError
-from ..fibres import Floats
-from ..model import Model, Rayleigh, WeakForm
-from ..passive import Expr, NeoHookean, Yeoh
-from ..probes import Probes
-from ..solver import Newton, Tolerances
-from ..timestep import QuasiStatic
-from .rows import LoadedForm, Row, box, homogeneous, roller, solve, stress_at, with_fibres
+from ..core.errors import SolveError
+from ..core.types import Expr, Floats
+from ..forms.weak_form import WeakForm
+from ..mechanics.contraction import Contraction
+from ..mechanics.hyperelasticity import NeoHookean, Yeoh
+from ..mechanics.model import Model, Rayleigh
+from ..simulation.probes import Probes
+from ..solvers.newton import Newton
+from ..solvers.time_integration import QuasiStatic
+from ..solvers.tolerances import Tolerances
+from ..testing import LoadedForm, Row, box, homogeneous, roller, solve, stress_at, with_fibres
 
 C10, C20, KAPPA = 192.0, 90.0, 19.2e3
 """The chapter's tissue in Pa, κ for ν = 0.49, written here again so that the rows do not take them from what they check."""
@@ -44,7 +46,7 @@ def _boundary(weak: WeakForm, value: Callable[[Floats], Floats] | fem.Expression
 
 def laws() -> Iterator[Row]:
     """Homogeneous deformations of Yeoh tissue, also turned by 40°: the stress that Rivlin's formulas give."""
-    weak = Model(box((0.01, 0.01, 0.01), (1, 1, 1)), fixed=["wall"]).weak_form([])
+    weak = WeakForm(Model(box((0.01, 0.01, 0.01), (1, 1, 1)), fixed=["wall"]), [])
     c, s = np.cos(np.radians(40)), np.sin(np.radians(40))
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
     cases = {
@@ -62,7 +64,7 @@ def laws() -> Iterator[Row]:
 
 def patch() -> Iterator[Row]:
     """An affine boundary displacement gives the affine displacement and its stress everywhere, at finite strain."""
-    weak = Model(box((0.01, 0.01, 0.01), (3, 3, 3)), fixed=["wall"]).weak_form([])
+    weak = WeakForm(Model(box((0.01, 0.01, 0.01), (3, 3, 3)), fixed=["wall"]), [])
     A = np.array([[0.1, 0.2, 0.0], [-0.05, 0.1, 0.1], [0.0, 0.1, -0.1]])
     test = ufl.TestFunction(weak.V)
     solve(weak, ufl.inner(weak.passive_stress(weak.u), ufl.grad(test)) * weak.dx, _boundary(weak, lambda X: A @ X))
@@ -81,7 +83,7 @@ def manufactured(divisions: tuple[int, ...] = (2, 4, 8)) -> Iterator[Row]:
     """A smooth displacement and the body force that holds it: third order in L², second in H¹."""
     size, errors = 0.01, []
     for n in divisions:
-        weak = Model(box((size, size, size), (n, n, n)), fixed=["wall"], quadrature_degree=4).weak_form([])
+        weak = WeakForm(Model(box((size, size, size), (n, n, n)), fixed=["wall"], quadrature_degree=4), [])
         mesh = weak.V.mesh
         X = ufl.SpatialCoordinate(mesh)
         k = np.pi / size
@@ -143,10 +145,10 @@ def taylor() -> Iterator[Row]:
     for mixed in (False, True):
         for shortening in (False, True):
             contraction = Contraction(passive_fibres=True, stiffening=True, tendon_length=6e-3)
-            weak = Model(
+            weak = WeakForm(Model(
                 with_fibres(box((0.02, 0.01, 0.01), (3, 2, 2)), (1.0, 0.4, -0.2)), Yeoh.calka(), contraction,
                 Rayleigh(20.0, 0.01), fixed=["wall"], gravity=(0.0, 0.0, -9.81), sigma_max={"GGP": 3e3}, mixed=mixed,
-            ).weak_form(["GGP_L"])  # fmt: skip
+            ), ["GGP_L"])  # fmt: skip
             weak.set_time(1.0, {"GGP_L": 0.6})
             homogeneous(weak, np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.04], [0.03, 0.0, 1.02]]))
             name = "tangent, every term" + (", shortening" if shortening else "") + (", mixed" if mixed else "")

@@ -17,19 +17,21 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.optimize import curve_fit
 
-from .. import meshing
-from ..activation import ramp
-from ..errors import InputError
-from ..fibres import Floats
-from ..model import Model, Rayleigh
-from ..parametric import parametric_tongue
-from ..passive import Yeoh
-from ..run import Run
-from ..simulation import Simulation, Stepping
-from ..solver import Tolerances
-from ..timestep import GeneralizedAlpha, State
-from ..tonguemesh import TongueMesh, on_rank_zero
-from .rows import Row, box
+from ..anatomy.parametric.tongue import parametric_tongue
+from ..core.errors import InputError
+from ..core.parallel import on_rank_zero
+from ..core.types import Floats
+from ..mechanics.activation import ramp
+from ..mechanics.hyperelasticity import Yeoh
+from ..mechanics.model import Model, Rayleigh
+from ..meshing import build as meshing
+from ..meshing.tongue_mesh import TongueMesh
+from ..runs.run import Run
+from ..simulation.simulation import Simulation
+from ..simulation.stepping import Stepping
+from ..solvers.time_integration import GeneralizedAlpha, State
+from ..solvers.tolerances import Tolerances
+from ..testing import Row, box
 
 DAMPING, STIFFNESS = 0.8, 9.0
 

@@ -11,14 +11,15 @@ from dolfinx import default_scalar_type, fem
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from ..active import Contraction
-from ..errors import SolveError
-from ..fibres import Floats
-from ..model import Model, Rayleigh
-from ..passive import Yeoh
-from ..solver import Newton, Tolerances
-from ..timestep import GeneralizedAlpha
-from .rows import LoadedForm, Row, box, homogeneous, roller, with_fibres
+from ..core.errors import SolveError
+from ..core.types import Floats
+from ..mechanics.contraction import Contraction
+from ..mechanics.hyperelasticity import Yeoh
+from ..mechanics.model import Model, Rayleigh
+from ..solvers.newton import Newton
+from ..solvers.time_integration import GeneralizedAlpha
+from ..solvers.tolerances import Tolerances
+from ..testing import LoadedForm, Row, box, homogeneous, roller, with_fibres
 
 SIZE, PEAK, C10, C20 = 0.01, 3e3, 192.0, 90.0
 

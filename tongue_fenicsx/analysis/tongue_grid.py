@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""The tongue of a run as PyVista grids, lengths in mm."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyvista as pv
+
+from ..core.types import Floats
+from ..geometry.surface import Surface
+
+if TYPE_CHECKING:
+    from ..runs.run import Run
+
+
+def grids(run: Run, index: int = -1) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]:
+    """The tongue at rest and deformed at an output, with the length of ``displacement`` in mm as point data."""
+    points, cells = run.mesh
+    u = 1e3 * run.field("displacement", index)
+    rest = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, 1e3 * points)
+    rest["displacement"] = np.linalg.norm(u, axis=1)
+    deformed = rest.copy()
+    deformed.points = rest.points + u
+    return rest, deformed
+
+
+def skin(grid: pv.UnstructuredGrid, subdivision: int = 1) -> pv.PolyData:
+    """The surface of a grid as triangles; each side of a quadratic tetrahedron is cut into 4 to the power of `subdivision`."""
+    return grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=subdivision)
+
+
+def section(grid: pv.UnstructuredGrid) -> pv.PolyData:
+    """Where the mid-sagittal plane cuts a grid, as triangles."""
+    return grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, 1e-4, 0.0)).triangulate()
+
+
+def outline(section: pv.PolyData) -> Floats:
+    """The border of a mid-sagittal section, lines (n, 2, 2) of x and z in mm."""
+    whole = section.clean(tolerance=1e-3, absolute=True)
+    edges = whole.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+    return _lines(edges)
+
+
+def cut(surface: Surface) -> Floats:
+    """Where the mid-sagittal plane cuts a bone, lines (n, 2, 2) of x and z in mm."""
+    return 1e3 * _lines(surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-7, 0.0)))
+
+
+def _lines(edges: pv.PolyData) -> Floats:
+    ends: Floats = np.asarray(edges.points, dtype=float)[edges.lines.reshape(-1, 3)[:, 1:]]
+    return ends[..., [0, 2]]

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""Vectors assembled from forms, also without packing again what is the same every time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from dolfinx import fem, la
+
+from ..core.types import Floats
+
+
+class PackedForm:
+    """A vector form over cells, of whose coefficients only some change from one assembly to the next.
+
+    Parameters
+    ----------
+    form : fem.Form
+        Compiled; integrals over all cells only.
+    changing : sequence of fem.Function
+        Coefficients that change; the others are read by `repack`.
+    """
+
+    def __init__(self, form: fem.Form, changing: Sequence[fem.Function]) -> None:
+        self._form = form
+        self._columns: list[tuple[fem.Function, int, np.ndarray]] = []
+        at = 0
+        for coefficient in form._cpp_object.coefficients:
+            width = coefficient.function_space.element.space_dimension
+            for function in changing:
+                if function._cpp_object is coefficient:
+                    size, nodes = function.function_space.dofmap.index_map_bs, function.function_space.dofmap.list
+                    self._columns.append((function, at, (size * nodes[:, :, None] + np.arange(size)).reshape(len(nodes), -1)))
+            at += width
+        self._vector = fem.create_vector(form.function_spaces[0])
+        self.repack()
+
+    def repack(self) -> None:
+        """Read all coefficients and constants."""
+        self._constants, self._coefficients = fem.pack_constants(self._form), fem.pack_coefficients(self._form)
+
+    def assemble(self) -> Floats:
+        """The form at the present values of the changing coefficients, on the nodes that this rank owns, flat."""
+        for values in self._coefficients.values():
+            for function, at, places in self._columns:
+                values[:, at : at + places.shape[1]] = function.x.array[places[: len(values)]]
+        self._vector.array[:] = 0.0
+        fem.assemble_vector(self._vector.array, self._form, self._constants, self._coefficients)
+        return summed(self._vector)
+
+
+def assembled(form: fem.Form) -> Floats:
+    """A vector form on the nodes that this rank owns, flat."""
+    return summed(fem.assemble_vector(form))
+
+
+def summed(vector: la.Vector) -> Floats:
+    """A vector's values that this rank owns, with what other ranks add to them, flat."""
+    vector.scatter_reverse(la.InsertMode.add)
+    return np.array(vector.array[: vector.index_map.size_local * vector.block_size])

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: MIT
+"""Fibres of overlapping muscles on a mesh: a few slots per cell, and pulls from outside the tongue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import entities_to_geometry
+from mpi4py import MPI
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..core.types import Expr, Floats
+from ..mechanics.contraction import Contraction
+from ..mechanics.model import Model
+from ..meshing.tongue_mesh import MuscleCells, TongueMesh
+from . import quadrature
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where in each cell fibres are given: reference points (q, 3) and the element, of a value shape, that has them as nodes."""
+
+    points: Floats
+    element: Callable[[tuple[int, ...]], Any]
+    interpolates: bool = False
+
+    @classmethod
+    def inside(cls, degree: int) -> Places:
+        """The quadrature points of the stress terms."""
+
+        def element(shape: tuple[int, ...]) -> Any:
+            return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, scheme=quadrature.RULE, degree=degree)
+
+        return cls(quadrature.points_and_weights(degree)[0], element)
+
+    @classmethod
+    def corners(cls) -> Places:
+        """The vertices, linear between them: for stresses on the surface."""
+        return cls(np.vstack([np.zeros(3), np.eye(3)]), lambda shape: basix.ufl.element("DG", "tetrahedron", 1, shape=shape), True)
+
+
+class FibreSlots:
+    """Overlapping muscles as a few slots per cell, so that one kernel serves any number of them.
+
+    Each cell keeps the direction and the weight of its first, second, … muscle in slot 1, 2, …; a slot that a cell does
+    not need carries no tension.
+
+    Attributes
+    ----------
+    names : list of str
+        The muscles.
+    owners : (n_slots, n_cells) int array
+        Which of them is in each slot of each local cell, -1 for none.
+
+    Parameters
+    ----------
+    tongue : TongueMesh
+        The mesh.
+    muscles : dict
+        The muscles to carry.
+    sigma_max : mapping
+        Peak stress in Pa of each.
+    fade : callable
+        Takes points (n, 3), returns the tendon factor 0…1.
+    places : Places
+        Where in each cell fibres are given.
+    """
+
+    def __init__(
+        self,
+        tongue: TongueMesh,
+        muscles: dict[str, MuscleCells],
+        sigma_max: Mapping[str, float],
+        fade: Callable[[Floats], Floats],
+        places: Places,
+    ) -> None:
+        mesh, points = tongue.mesh, places.points
+        vertex = np.column_stack([1 - points.sum(axis=1), points])  # P1 shape functions, (q, 4)
+        n_cells = mesh.topology.index_map(3).size_local + mesh.topology.index_map(3).num_ghosts
+        used = np.zeros(n_cells, dtype=np.int64)
+        for muscle in muscles.values():
+            used[muscle.cells] += 1
+        n_slots = mesh.comm.allreduce(int(used.max(initial=0)), op=MPI.MAX)
+        vectors, scalars = (fem.functionspace(mesh, places.element(shape)) for shape in ((3,), ()))
+        self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
+        self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
+        self.tendons = [fem.Function(scalars, name=f"tendon_{i}") for i in range(n_slots)]
+        self.passives = [fem.Function(scalars, name=f"passive_{i}") for i in range(n_slots)]
+        self.stiffness = fem.Function(scalars, name="stiffness")
+        self.names, self._places = list(muscles), places
+        self._dofs = scalars.dofmap.list
+        self.owners = np.full((n_slots, n_cells), -1, dtype=np.int64)
+        self._stress = np.zeros((n_slots, n_cells, len(points)))
+        self._share = np.zeros_like(self._stress)
+        for function in self.directions:
+            function.x.array[:] = np.tile([1.0, 0.0, 0.0], len(function.x.array) // 3)
+        used[:] = 0
+        for index, (name, muscle) in enumerate(muscles.items()):
+            direction = np.einsum("qv,cvd->cqd", vertex, muscle.direction)
+            direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+            at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0][muscle.cells]])
+            share = muscle.weight @ vertex.T
+            peak = sigma_max[name] * share
+            muscular = fade(at.reshape(-1, 3)).reshape(at.shape[:2])
+            slot = used[muscle.cells]
+            used[muscle.cells] += 1
+            self.owners[slot, muscle.cells] = index
+            self._stress[slot, muscle.cells] = peak * muscular
+            self._share[slot, muscle.cells] = share
+            for i in range(n_slots):
+                mine = slot == i
+                self.directions[i].x.array.reshape(-1, 3)[self._dofs[muscle.cells[mine]]] = direction[mine]
+                self.tendons[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * (1 - muscular))[mine]
+                self.passives[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * muscular)[mine]
+
+    def activate(self, levels: Mapping[str, float]) -> None:
+        """Set the activation of each muscle, 0…1; those that are not named rest."""
+        level = np.array([*(levels.get(name, 0.0) for name in self.names), 0.0])  # the last serves empty slots
+        total = np.zeros(self._dofs.shape)
+        for i, tension in enumerate(self.tensions):
+            in_slot = level[self.owners[i]][:, None]
+            tension.x.array[self._dofs] = in_slot * self._stress[i]
+            total += in_slot * self._share[i]
+        self.stiffness.x.array[self._dofs] = 1 + 9 * np.minimum(total, 1.0)
+
+    def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
+        """Sum of the first Piola–Kirchhoff stresses of all slots."""
+        zero = 0.0 * F
+        directions = [d / _norm(d) if self._places.interpolates else d for d in self.directions]
+        slots = zip(directions, self.tensions, self.tendons, self.passives, strict=True)
+        return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
+
+    def state(self, law: Contraction, F: Expr, F_rate: Expr) -> list[Expr]:
+        """Stretch, rate in 1/s, and active Cauchy stress along the fibre in Pa, of each slot in turn."""
+        values = []
+        for direction, tension in zip(self.directions, self.tensions, strict=True):
+            stretch, gradient = law.stretch(F, direction)
+            rate = ufl.inner(gradient, F_rate)
+            stress = tension * law.tension(stretch, rate) * stretch / (law.optimal_stretch * ufl.det(F))
+            values += [stretch, rate, stress]
+        return values
+
+
+class OuterPull:
+    """The pull of a muscle's part outside the tongue on the surface that it crosses, such as styloglossus.
+
+    It follows the line to its anchor. Its tension is that of the fibres inside, peak stress times activation, with
+    the length and the rate of the part outside in the force–length and force–velocity factors: so it comes from a
+    potential and a damper, and the tangent stays symmetric.
+
+    Parameters
+    ----------
+    tongue : TongueMesh
+        The mesh.
+    name : str
+        A muscle with an `MuscleCells.entry`.
+    sigma_max : float
+        Peak stress in Pa.
+    ds : ufl.Measure
+        The surface that it crosses.
+    """
+
+    def __init__(self, tongue: TongueMesh, name: str, sigma_max: float, ds: ufl.Measure) -> None:
+        entry = tongue.muscles[name].entry
+        assert entry is not None
+        mesh = tongue.mesh
+        self.name, self._sigma_max, self._ds = name, sigma_max, ds
+        self._anchor = fem.Constant(mesh, entry.anchor)
+        self._level = fem.Constant(mesh, 0.0)
+        self._share = fem.Function(fem.functionspace(mesh, ("P", 1)))
+        at_node = np.zeros(len(mesh.geometry.x))
+        at_node[entry.nodes] = entry.share
+        self._share.x.array[self._share.function_space.dofmap.list] = at_node[mesh.geometry.dofmaps[0]]
+
+    def activate(self, levels: Mapping[str, float]) -> None:
+        """Set the activation, 0…1."""
+        self._level.value = self._sigma_max * levels[self.name]
+
+    def work(self, law: Contraction, u: Expr, v: Expr, frozen: Expr, w: Expr) -> Expr:
+        """Virtual work of the pull on `w`; `frozen` is the displacement that the rate of the distance holds fixed."""
+        X = ufl.SpatialCoordinate(self._ds.ufl_domain())
+        line, rest = self._anchor - X - u, _norm(self._anchor - X)
+        held = self._anchor - X - frozen
+        tension = law.tension(_norm(line) / rest, -ufl.dot(held, v) / (_norm(held) * rest))
+        return self._level * self._share * tension * ufl.dot(line, w) / _norm(line) * self._ds
+
+
+def _norm(vector: Expr) -> Expr:
+    return ufl.sqrt(ufl.dot(vector, vector))
+
+
+def smooth_fade(distance: Floats, length: float) -> NDArray[np.float64]:
+    """Tendon factor: 0 at a bonded area, 1 from `length` (m) on, smooth in between."""
+    if length == 0:
+        return np.ones_like(distance)
+    s = np.clip(distance / length, 0, 1)
+    return np.asarray(s * s * (3 - 2 * s))
+
+
+def tendon_factor(model: Model) -> Callable[[Floats], Floats]:
+    """The share of the active stress that is left at points (n, 3) in m: 0 at a bonded area, 1 beyond the tendon."""
+    mesh = model.tongue.mesh
+    mesh.topology.create_connectivity(2, 3)
+    nodes = mesh.geometry.x[entities_to_geometry(mesh, 2, model.tongue.facets(model.bonded))].reshape(-1, 3, 3)
+    steps = np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) / 4
+    samples = np.vstack(mesh.comm.allgather(np.einsum("sv,fvd->fsd", steps, nodes).reshape(-1, 3)))
+    nearest = cKDTree(samples) if len(samples) else None
+
+    def factor(points: Floats) -> Floats:
+        if nearest is None or len(points) == 0:
+            return np.ones(len(points))
+        return smooth_fade(nearest.query(points)[0], model.contraction.tendon_length)
+
+    return factor

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: MIT
+"""Rigid obstacles as signed distances: gap (positive where the tongue may be), its gradient and its Hessian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pyvista as pv
+from scipy import ndimage
+
+from ..core.errors import InputError
+from ..core.types import Floats, Ints
+from .surface import Surface
+
+SPACING = 0.75e-3
+BAND = 5e-3
+EDGE = 4.0
+"""Radius in grid spacings below which a convex edge is the grid's, not the surface's: the Hessian takes it for an edge of this radius,
+since sharper ones outweigh all else in a soft tissue's tangent (they doubled the Newton iterations at the palate's rim and the teeth)."""
+# uniform cubic B-spline: weights of four neighbours as polynomials (1, u, u², u³) of the place within the cell
+B_SPLINE = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6
+
+
+class Obstacle(Protocol):
+    """What the tongue cannot enter."""
+
+    @property
+    def surface(self) -> Surface:
+        """Its surface at rest, for pictures; of an endless one a part."""
+        ...
+
+    def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gap (n,) in m, its gradient (n, 3) and Hessian (n, 3, 3) in 1/m at points (n, 3) in m, the obstacle at rest."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The half-space behind a plane.
+
+    Attributes
+    ----------
+    point : (3,) sequence of float
+        On the plane, in m.
+    normal : (3,) sequence of float
+        To the free side, of any length.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite or the normal has no direction.
+    """
+
+    point: Sequence[float]
+    normal: Sequence[float]
+
+    def __post_init__(self) -> None:
+        _check_three("plane", "point", self.point)
+        _check_three("plane", "normal", self.normal)
+        if not np.any(self.normal):
+            raise InputError("plane: the normal [0, 0, 0] has no direction.")
+
+    @property
+    def surface(self) -> Surface:
+        """A square of 10 cm about the point."""
+        return Surface.from_pyvista(pv.Plane(center=self.point, direction=self.normal, i_size=0.1, j_size=0.1).triangulate())
+
+    def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """See `Obstacle.evaluate`."""
+        n = np.asarray(self.normal, dtype=float) / np.linalg.norm(self.normal)
+        return (points - self.point) @ n, np.tile(n, (len(points), 1)), np.zeros((len(points), 3, 3))
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball, or all that is around a hollow sphere.
+
+    Attributes
+    ----------
+    centre : (3,) sequence of float
+        In m.
+    radius : float
+        In m.
+    inside : bool
+        Whether the tongue is inside; the gap is then radius − distance from the centre, which is not smooth at the centre.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite or the radius is not positive.
+    """
+
+    centre: Sequence[float]
+    radius: float
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        _check_three("sphere", "centre", self.centre)
+        if not (np.isfinite(self.radius) and self.radius > 0):
+            raise InputError(f"sphere: the radius is {self.radius}; a positive length is expected.")
+
+    @property
+    def surface(self) -> Surface:
+        """The sphere as triangles."""
+        return Surface.from_pyvista(pv.Sphere(radius=self.radius, center=self.centre, theta_resolution=60, phi_resolution=60))
+
+    def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """See `Obstacle.evaluate`."""
+        away = points - self.centre
+        d = np.maximum(np.linalg.norm(away, axis=1), 1e-6 * self.radius)
+        n = away / d[:, None]
+        H = (np.eye(3) - n[:, :, None] * n[:, None, :]) / d[:, None, None]
+        return (self.radius - d, -n, -H) if self.inside else (d - self.radius, n, H)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """An obstacle carried by a rigid motion: what was at X is at R X + offset.
+
+    Attributes
+    ----------
+    obstacle : Obstacle
+        At rest.
+    rotation : (3, 3) float array
+        R.
+    offset : (3,) float array
+        In m.
+    """
+
+    obstacle: Obstacle
+    rotation: Floats
+    offset: Floats
+
+    @property
+    def surface(self) -> Surface:
+        """Where its surface is now."""
+        return self.obstacle.surface.moved(lambda X: X @ self.rotation.T + self.offset)
+
+    def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """See `Obstacle.evaluate`, at points in space."""
+        R = self.rotation
+        gap, n, H = self.obstacle.evaluate((points - self.offset) @ R)
+        return gap, n @ R.T, R @ H @ R.T
+
+
+class Triangulated:
+    """The signed distance of a triangulated surface, a tricubic B-spline through its values on a grid.
+
+    The gap is twice continuously differentiable, and gradient and Hessian are its own derivatives, but for the curvature of edges
+    sharper than `EDGE` spacings. It is trusted within 0.8
+    bands of the faces. Beyond, where the grid ends or the gap exceeds 0.8 bands, the gap is one band, the gradient any unit
+    vector and the Hessian zero. More than a band inside a closed surface the gap is minus one band. An open surface repels from
+    its front only near its faces: a point behind it whose nearest point is on the rim, beside the faces, has a positive gap,
+    and so has a point more than a band behind it.
+
+    Parameters
+    ----------
+    surface : Surface
+        Closed or open, normals to the free side, triangles that share vertices.
+    spacing : float
+        Of the grid in m; edges are rounded and details lost below it.
+    band : float
+        Distance in m up to which the gap is known.
+
+    Raises
+    ------
+    InputError
+        If there are no triangles, a length is not positive or the band is thinner than four spacings.
+    """
+
+    def __init__(self, surface: Surface, spacing: float = SPACING, band: float = BAND) -> None:
+        if len(surface.triangles) == 0:
+            raise InputError("obstacle: the surface has no triangles.")
+        if not (0 < 4 * spacing <= band < np.inf):
+            raise InputError(f"obstacle: spacing {spacing} m and band {band} m; a positive spacing and at least 4 of it are expected.")
+        self.surface, self.spacing, self.band = surface, spacing, band
+        low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+        shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
+        self._origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
+        self._values = self._sample(_simplified(surface, spacing), shape)
+        self._coefficients = ndimage.spline_filter(self._values, order=3)
+
+    def _sample(self, surface: Surface, shape: Ints) -> Floats:
+        """The signed distance at all nodes of the grid, clamped to ± one band."""
+        dense = surface.to_pyvista().subdivide_adaptive(max_edge_len=self.spacing, max_n_passes=20).points
+        away = np.ones(shape, dtype=bool)
+        away[tuple(np.rint((dense - self._origin) / self.spacing).astype(np.int64).T)] = False
+        near = np.flatnonzero(ndimage.distance_transform_edt(away) * self.spacing < self.band + 2 * self.spacing)
+        values = np.full(away.size, np.inf)
+        values[near] = _beside_rim(surface, self._origin + self.spacing * np.column_stack(np.unravel_index(near, shape)))
+        values = values.reshape(shape)
+        far = ~(abs(values) < self.band)
+        parts, n_parts = ndimage.label(far)
+        around = ndimage.maximum_filter(np.where(far, -np.inf, values), size=3)
+        free = np.asarray(ndimage.maximum(around, parts, np.arange(n_parts + 1))) >= 0
+        return np.asarray(np.where(far, np.where(free[parts], self.band, -self.band), values))
+
+    def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """See `Obstacle.evaluate`."""
+        gap = np.full(len(points), self.band)
+        gradient = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+        hessian = np.zeros((len(points), 3, 3))
+        place = (points - self._origin) / self.spacing
+        within = np.flatnonzero(np.all((place >= 1) & (place < np.array(self._coefficients.shape) - 2), axis=1))
+        at_node = self._values[tuple(np.rint(place[within]).astype(np.int64).T)]
+        within = within[at_node <= 0.8 * self.band + self.spacing]  # the others are farther
+        D = self._derivatives(place[within])
+        near = D[:, 0, 0, 0] <= 0.8 * self.band
+        within, D = within[near], D[near]
+        first = np.eye(3, dtype=np.int64)
+        second = first[:, None] + first
+        gap[within] = D[:, 0, 0, 0]
+        gradient[within] = D[:, first[..., 0], first[..., 1], first[..., 2]]
+        hessian[within] = _blunted(D[:, second[..., 0], second[..., 1], second[..., 2]], 1 / (EDGE * self.spacing))
+        return gap, gradient, hessian
+
+    def _derivatives(self, place: Floats) -> Floats:
+        """Value and derivatives (n, i, j, k) at places (n, 3) in cells; i, j, k = 0 to 2 are the orders along the axes."""
+        cell = place.astype(np.int64)
+        u = place - cell
+        one, zero = np.ones_like(u), np.zeros_like(u)
+        powers = np.array([[one, u, u**2, u**3], [zero, one, 2 * u, 3 * u**2], [zero, zero, 2 * one, 6 * u]])
+        weights = np.moveaxis(powers, (2, 3), (0, 1)) @ B_SPLINE / self.spacing ** np.arange(3)[:, None]
+        steps = np.array(self._coefficients.strides) // self._coefficients.itemsize
+        stencil = (np.indices((4, 4, 4)).reshape(3, -1).T - 1) @ steps
+        D = self._coefficients.ravel()[(cell @ steps)[:, None] + stencil].reshape(-1, 4, 4, 4)
+        D = D @ weights[:, None, 2].swapaxes(2, 3)
+        D = weights[:, None, 1] @ D
+        return np.asarray(weights[:, 0] @ D.reshape(-1, 4, 9)).reshape(-1, 3, 3, 3)
+
+
+def _blunted(hessian: Floats, limit: float) -> Floats:
+    """Hessians (n, 3, 3) in 1/m, convex by at most `limit`."""
+    values, vectors = np.linalg.eigh(hessian)
+    return np.asarray((vectors * np.minimum(values, limit)[:, None]) @ vectors.swapaxes(1, 2))
+
+
+def _simplified(surface: Surface, spacing: float) -> Surface:
+    """The surface with fewer triangles, where they are much finer than the grid (quadric decimation, Garland and Heckbert 1997)."""
+    mesh = surface.to_pyvista()
+    wanted = 4 * mesh.area / spacing**2
+    return surface if mesh.n_cells <= 2 * wanted else Surface.from_pyvista(mesh.decimate(1 - wanted / mesh.n_cells).clean())
+
+
+def _beside_rim(surface: Surface, points: Floats) -> Floats:
+    """Signed distance (n,) in m of points (n, 3), which is positive beside the rim of an open surface, not behind it."""
+    distance = surface.signed_distance(points)
+    rim = surface.to_pyvista().extract_feature_edges(
+        boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False
+    )
+    behind = np.flatnonzero(distance < 0)
+    if rim.n_cells == 0 or len(behind) == 0:
+        return distance
+    triangles, nearest = surface.nearest_triangle(points[behind])
+    _, on_rim = rim.find_closest_cell(nearest, return_closest_point=True)
+    a, b, c = (surface.points[surface.triangles[triangles, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    height = abs(np.einsum("ni,ni->n", points[behind] - nearest, normal)) / np.linalg.norm(normal, axis=1)
+    beside = (np.linalg.norm(nearest - on_rim, axis=1) < 1e-7) & (height < 0.999 * abs(distance[behind]))
+    distance[behind[beside]] *= -1
+    return distance
+
+
+def check_orientation(surface: Surface, name: str, free_points: Floats, band: float = BAND) -> None:
+    """Make sure that the normals of an obstacle point to the free side.
+
+    Parameters
+    ----------
+    surface : Surface
+        The obstacle.
+    name : str
+        Of the obstacle, for the message.
+    free_points : (n, 3) or (3,) float array
+        Points in m on the free side, such as those of the tongue at rest.
+    band : float
+        Distance in m within which they count.
+
+    Raises
+    ------
+    InputError
+        If more than half of the points that count are behind the surface.
+    """
+    points = np.atleast_2d(free_points)
+    points = points[np.all((points >= surface.points.min(axis=0) - band) & (points <= surface.points.max(axis=0) + band), axis=1)]
+    gap = surface.signed_distance(points) if len(points) else np.zeros(0)
+    gap = gap[abs(gap) < band]
+    behind = int(np.sum(gap < 0))
+    if 2 * behind > len(gap):
+        raise InputError(
+            f"{name}: {behind} of the {len(gap)} free points within {1e3 * band:g} mm are behind the surface; "
+            "its normals must point to the free side, so turn its triangles."
+        )
+
+
+def _check_three(obstacle: str, name: str, value: Sequence[float]) -> None:
+    if np.shape(value) != (3,) or not np.isfinite(value).all():
+        raise InputError(f"{obstacle}: the {name} is {value}; three numbers are expected.")

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""The mechanical model: tissue, muscles, damping, gravity and bonded surfaces, as a weak form in UFL."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..anatomy import catalogue as muscle_facts
+from ..core.errors import InputError
+from ..geometry.rigid_motion import RigidMotion
+from ..meshing.tongue_mesh import TongueMesh
+from .contact import Contact
+from .contraction import Contraction
+from .hyperelasticity import Passive, Yeoh
+from .suspension import Suspension
+
+
+@dataclass(frozen=True)
+class Rayleigh:
+    """Rayleigh damping, α ρ v + β K₀ v with the stiffness K₀ of the rest state.
+
+    Attributes
+    ----------
+    alpha : float
+        Mass damping in 1/s.
+    beta : float
+        Stiffness damping in s.
+    """
+
+    alpha: float = 20.0
+    beta: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("alpha", self.alpha), ("beta", self.beta)):
+            if not value >= 0:
+                raise InputError(f"rayleigh_{name}: {value}; zero or a positive number is expected.")
+
+
+@dataclass(frozen=True)
+class Model:
+    """A tongue with its material, ready to simulate.
+
+    Attributes
+    ----------
+    tongue : TongueMesh
+        Mesh, tags, muscles.
+    passive : Passive
+        Passive law.
+    contraction : Contraction
+        Active law of all muscles.
+    damping : Rayleigh
+        Rayleigh damping.
+    density : float
+        kg/m³ at rest.
+    sigma_max : mapping
+        Peak active stress in Pa by muscle (``GGP``) or muscle and side (``GGP_L``).
+    fixed : sequence of str
+        Tagged surfaces that do not move.
+    moving : mapping
+        Tagged surfaces that move as bones do, and how.
+    suspended : mapping
+        Tagged surfaces that are rigid and held by springs.
+    mixed : bool
+        Whether the pressure is an unknown of its own (linear, beside the quadratic displacement), which stays accurate up
+        to ν = 0.5; otherwise it comes from the change of volume.
+    contacts : mapping
+        Obstacles by name, and how the tongue meets them.
+    gravity : (3,) sequence of float
+        Acceleration in m/s².
+    gravity_rise : float
+        Time in s over which gravity grows from 0.
+    quadrature_degree : int
+        Of the stress terms; the mass is integrated exactly.
+
+    Raises
+    ------
+    InputError
+        If a bonded surface is not in the mesh, the mixed form does not know the law, or a number is out of range.
+    """
+
+    tongue: TongueMesh
+    passive: Passive = field(default_factory=Yeoh.calka)
+    contraction: Contraction = field(default_factory=Contraction)
+    damping: Rayleigh = field(default_factory=Rayleigh)
+    density: float = 1000.0
+    sigma_max: Mapping[str, float] = field(default_factory=lambda: muscle_facts.CALKA_STRESS)
+    fixed: Sequence[str] = ("mandible", "hyoid")
+    moving: Mapping[str, RigidMotion] = field(default_factory=dict)
+    suspended: Mapping[str, Suspension] = field(default_factory=dict)
+    mixed: bool = False
+    contacts: Mapping[str, Contact] = field(default_factory=dict)
+    gravity: Sequence[float] = (0.0, 0.0, 0.0)
+    gravity_rise: float = 0.1
+    quadrature_degree: int = 3
+
+    def __post_init__(self) -> None:
+        if not self.density > 0:
+            raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
+        known = ", ".join(sorted(self.tongue.surfaces))
+        for key, names in (("fixed", self.fixed), ("moving", self.moving), ("suspended", self.suspended)):
+            for name in names:
+                if name not in self.tongue.surfaces:
+                    raise InputError(f"boundary.{key}: the mesh has no surface {name!r}; it has {known}.")
+        for name, count in Counter(self.bonded).items():
+            if count > 1:
+                raise InputError(f"boundary: {name} is named {count} times among fixed, moving and suspended; name it once.")
+        if not self.contacts and self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
+            raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
+        if not self.mixed and self.passive.nu >= 0.5:
+            raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
+        if self.mixed and self.passive.volumetric != "quadratic":
+            raise InputError(f"volumetric: {self.passive.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
+        for name, value in self.sigma_max.items():
+            if not value >= 0:
+                raise InputError(f"sigma_max: {name} has {value} Pa; zero or a positive stress is expected.")
+
+    @property
+    def bonded(self) -> list[str]:
+        """Surfaces on bone, fixed, moving and suspended."""
+        return [*self.fixed, *self.moving, *self.suspended]

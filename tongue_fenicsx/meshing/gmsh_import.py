@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: MIT
+"""Muscles of a user's own Gmsh mesh: regions from physical volumes or cell data, fibres from a JSON file or cell vectors.
+
+A physical volume or a cell data set (0…1) named like a muscle is its region; volumes may overlap and combine names
+(``GGP_L+TRANS_L``). A cell data set of vectors named like a muscle is region and fibres at once. Otherwise the fibres
+stand in ``FILE.fibres.json`` beside ``FILE.msh``, for each muscle one of
+
+- ``[[[x, y, z], …], …]``, polylines in m;
+- ``{"direction": [x, y, z]}``, straight fibres;
+- ``{"toward": [x, y, z]}``, a fan that meets in a point (m).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import numpy as np
+
+from ..anatomy.catalogue import CATALOGUE, base_name
+from ..core.errors import InputError, reading
+from ..core.types import Floats
+from ..geometry.fibre_bundle import FibreBundle
+from .build import lump
+
+Direction = Callable[[Floats], Floats]
+
+FIBRES = "polylines, {'direction': [x, y, z]} or {'toward': [x, y, z]}"
+
+
+def partition() -> None:
+    """Give every volume of the open Gmsh model one physical name: that of all its physical volumes, joined by ``+``."""
+    model = gmsh.model
+    owners: dict[int, list[str]] = {}
+    groups = model.getPhysicalGroups(3)
+    for _, tag in groups:
+        for entity in model.getEntitiesForPhysicalGroup(3, tag):
+            owners.setdefault(int(entity), []).append(model.getPhysicalName(3, tag))
+    if all(len(names) == 1 for names in owners.values()):
+        return
+    model.removePhysicalGroups(groups)
+    combined: dict[str, list[int]] = {}
+    for entity, names in owners.items():
+        combined.setdefault("+".join(sorted({part for name in names for part in name.split("+")})), []).append(entity)
+    for name, entities in combined.items():
+        model.addPhysicalGroup(3, entities, name=name)
+
+
+def muscles_of_model(path: Path) -> dict[str, Any] | None:
+    """The muscles of the open Gmsh model in the form of ``FILE.h5``; None when it has no fibres at all.
+
+    Raises
+    ------
+    InputError
+        If a data set or the fibre file is malformed, or a muscle has a region without fibres or fibres without a region.
+    """
+    tags, nodes = gmsh.model.mesh.getElementsByType(4)
+    cells = nodes.astype(np.int64).reshape(-1, 4) - 1
+    points = gmsh.model.mesh.getNodes()[1].reshape(-1, 3)
+    row = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+    row[tags.astype(np.int64)] = np.arange(len(tags))
+    rules = _rules(path.with_suffix(".fibres.json"))
+    shares, vectors = _cell_data(path, row, len(cells))
+    named = {name for name in _volume_names() if base_name(name) in CATALOGUE or name in rules}
+    if not rules and not vectors:
+        return None
+    for name in named:
+        shares.setdefault(name, np.zeros(len(cells)))
+    for _, tag in gmsh.model.getPhysicalGroups(3):
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(3, tag):
+            members = row[gmsh.model.mesh.getElementsByType(4, entity)[0].astype(np.int64)]
+            for name in named.intersection(gmsh.model.getPhysicalName(3, tag).split("+")):
+                shares[name][members] = 1.0
+    for name in rules:
+        if name not in shares:
+            raise InputError(f"{path}: no physical volume or cell data {name!r}, but {path.stem}.fibres.json has its fibres.")
+    for name, vector in vectors.items():
+        shares.setdefault(name, (np.linalg.norm(vector, axis=1) > 0).astype(float))
+    muscles = {}
+    for name, share in shares.items():
+        if name not in rules and name not in vectors:
+            raise InputError(f"{path}: muscle {name!r} has no fibres; give them in {path.stem}.fibres.json as {FIBRES}.")
+        own = np.flatnonzero(share > 0)
+        if len(own) == 0:
+            raise InputError(f"{path}: muscle {name!r} has an empty region.")
+        corners = points[cells[own]]
+        volumes = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+        used, weight = lump(cells[own], np.repeat((share[own] * volumes / 4)[:, None], 4, axis=1), volumes)
+        at_nodes = rules[name](points[used]) if name in rules else _nodal(vectors[name][own], cells[own], used, name, path)
+        muscles[name] = {"cells": own, "nodes": used, "weight": weight, "direction": at_nodes}
+    return {"name": path.stem, "cells": cells, "muscles": muscles, "landmarks": {}, "bones": {}}
+
+
+def _volume_names() -> set[str]:
+    return {part for dim, tag in gmsh.model.getPhysicalGroups(3) for part in gmsh.model.getPhysicalName(dim, tag).split("+")}
+
+
+def _cell_data(path: Path, row: np.ndarray, n_cells: int) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Scalar shares (n,) and fibre vectors (n, 3) of the cells by muscle, from the element data of the file."""
+    shares, vectors = {}, {}
+    for view in gmsh.view.getTags():
+        name = gmsh.view.option.getString(view, "Name")
+        kind, elements, data, _, components = gmsh.view.getModelData(view, 0)
+        if kind != "ElementData" or base_name(name) not in CATALOGUE:
+            continue
+        values = np.zeros((n_cells, components))
+        values[row[np.asarray(elements, dtype=np.int64)]] = np.asarray(data, dtype=float).reshape(-1, components)
+        if not np.isfinite(values).all():
+            raise InputError(f"{path}: the cell data {name!r} holds a value that is not finite.")
+        if components == 3:
+            vectors[name] = values
+        elif components == 1 and values.min() >= 0 and values.max() <= 1:
+            shares[name] = values[:, 0]
+        else:
+            raise InputError(f"{path}: the cell data {name!r} must be shares from 0 to 1 or vectors of three components.")
+    return shares, vectors
+
+
+def _rules(path: Path) -> dict[str, Direction]:
+    if not path.exists():
+        return {}
+    with reading(path, f"an object of muscle names to {FIBRES}"):
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(data, dict):
+            raise ValueError("it holds no object")
+        return {name: _rule(given) for name, given in data.items()}
+
+
+def _rule(given: Any) -> Direction:
+    """A direction field (n, 3) → (n, 3) from its description."""
+    if isinstance(given, list):
+        lines = [np.asarray(line, dtype=float) for line in given]
+        if not lines or any(line.ndim != 2 or line.shape[1] != 3 or len(line) < 2 or not np.isfinite(line).all() for line in lines):
+            raise ValueError("a polyline of two or more finite points is expected")
+        return FibreBundle(lines).direction
+    ((kind, value),) = given.items()
+    vector = np.array([float(c) for c in value])
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{value!r} is not three finite numbers")
+    if kind == "direction" and np.any(vector):
+        return lambda points: np.tile(vector / np.linalg.norm(vector), (len(points), 1))
+    if kind == "toward":
+        return lambda points: _unit(vector - points)
+    raise ValueError(f"{kind!r}: direction or toward is expected")
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), [1.0, 0.0, 0.0])
+
+
+def _nodal(vectors: Floats, cells: np.ndarray, nodes: np.ndarray, name: str, path: Path) -> Floats:
+    """Unit directions at nodes from vectors of cells around them."""
+    unit = _unit(vectors)
+    mean = np.zeros((len(nodes), 3))
+    np.add.at(mean, np.searchsorted(nodes, cells), unit[:, None])
+    if np.linalg.norm(mean, axis=1).min() < 1e-3:
+        raise InputError(f"{path}: neighbouring vectors of the cell data {name!r} cancel; give them all the same sense along the fibres.")
+    return _unit(mean)

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: MIT
+"""A tongue mesh in DOLFINx: tags by name, overlapping muscles, landmarks, on any number of ranks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import h5py
+import numpy as np
+from dolfinx import mesh as dmesh
+from dolfinx.io import gmsh as dgmsh
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from ..anatomy.anatomy import Anatomy
+from ..core.errors import InputError, reading
+from ..core.parallel import on_rank_zero
+from ..core.types import Floats
+from ..geometry.surface import Surface
+from . import build as meshing
+from . import gmsh_import as foreign
+
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class MuscleEntry:
+    """Where a muscle from outside enters the tongue, on this rank.
+
+    Attributes
+    ----------
+    facets : (k,) int array
+        Local facets that it crosses, of owned cells.
+    nodes, share : (n,) int and float arrays
+        Geometry nodes of those facets, and the muscle's cross-section per area of surface there.
+    anchor : (3,) float array
+        Where it pulls to, in m.
+    """
+
+    facets: Ints
+    nodes: Ints
+    share: Floats
+    anchor: Floats
+
+
+@dataclass(frozen=True)
+class MuscleCells:
+    """One muscle on this rank.
+
+    Attributes
+    ----------
+    cells : (k,) int array
+        Local cells (ghosts too) that it touches.
+    weight : (k, 4) float array
+        Its share at the vertices of each cell, 0…1.
+    direction : (k, 4, 3) float array
+        Unit fibre direction there.
+    entry : MuscleEntry, optional
+        For a muscle that comes from outside.
+    """
+
+    cells: Ints
+    weight: Floats
+    direction: Floats
+    entry: MuscleEntry | None = None
+
+
+@dataclass(frozen=True)
+class TongueMesh:
+    """A mesh with everything the mechanics asks of it.
+
+    Attributes
+    ----------
+    mesh : dolfinx.mesh.Mesh
+        Straight-sided tetrahedra in m.
+    facet_tags : dolfinx.mesh.MeshTags
+        Tagged boundary facets.
+    surfaces : dict
+        Name of each tagged surface to its tag.
+    muscles : dict
+        Name with side to `MuscleCells`.
+    landmarks : dict
+        Name to point (3,) in m in the rest shape.
+    bones : dict
+        Name to the surface of a bone or wall around it, for contact.
+    name : str
+        What the tongue is called.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    surfaces: dict[str, int]
+    muscles: dict[str, MuscleCells] = field(default_factory=dict)
+    landmarks: dict[str, Floats] = field(default_factory=dict)
+    name: str = "mesh"
+    bones: dict[str, Surface] = field(default_factory=dict)
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        """The communicator of the mesh."""
+        return self.mesh.comm
+
+    @classmethod
+    def from_anatomy(cls, anatomy: Anatomy, size: float, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
+        """Mesh an anatomy with elements of `size` (m) and load it; nothing is kept on disk."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(comm.bcast(folder)) / "tongue.msh"
+            on_rank_zero(comm, lambda: meshing.build(anatomy, path, size))
+            tongue = cls.read(path, comm)
+            comm.barrier()
+        return tongue
+
+    @classmethod
+    def read(cls, path: Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
+        """Read ``FILE.msh`` and ``FILE.h5`` beside it, or a mesh made elsewhere (see `foreign`).
+
+        Raises
+        ------
+        InputError
+            If the file is missing, is not a mesh of linear tetrahedra whose cells and facets have physical names, has an
+            inverted cell, or does not belong to the ``.h5`` beside it.
+        """
+
+        def open_and_check() -> dict[str, Any] | None:
+            gmsh.initialize(interruptible=False)
+            gmsh.option.setNumber("General.Terminal", 0)
+            try:
+                _open_checked(path)
+                return _read_h5(path.with_suffix(".h5")) or foreign.muscles_of_model(path)
+            except InputError:
+                gmsh.finalize()
+                raise
+
+        stored = on_rank_zero(comm, open_and_check)
+        try:
+            data = dgmsh.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0)
+        finally:
+            if comm.rank == 0:
+                gmsh.finalize()
+        mesh, facet_tags = data.mesh, data.facet_tags
+        assert facet_tags is not None
+        facet_tags.name = "surfaces"
+        surfaces = {name: group.tag for name, group in data.physical_groups.items() if group.dim == 2}
+        if stored is None:
+            return cls(mesh, facet_tags, surfaces, name=path.stem)
+        row = _match_cells(mesh, stored["cells"], path)
+        nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
+        muscles = {}
+        for name, muscle in stored["muscles"].items():
+            touched = np.zeros(len(stored["cells"]), dtype=bool)
+            touched[muscle["cells"]] = True
+            cells = np.flatnonzero(touched[row]).astype(np.int32)
+            at = np.searchsorted(muscle["nodes"], nodes[cells])
+            entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
+            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
+        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"])
+
+    def facets(self, names: list[str]) -> Ints:
+        """Local facets of the named surfaces."""
+        tags = [self.surfaces[name] for name in names]
+        return np.asarray(self.facet_tags.indices[np.isin(self.facet_tags.values, tags)], dtype=np.int32)
+
+
+def _open_checked(path: Path) -> None:
+    """Open a mesh in Gmsh and make sure that DOLFINx can read it; it cannot report such errors itself."""
+    with reading(path, "a Gmsh .msh file (tongue build writes one)"):
+        try:
+            gmsh.open(str(path))
+        except Exception as error:  # the gmsh module raises plain Exception
+            raise ValueError(str(error) or "it is no mesh of Gmsh") from error
+    model = gmsh.model
+    model.mesh.renumberNodes()
+    types, tags, _ = model.mesh.getElements(3)
+    if list(types) != [4]:
+        found = ", ".join(model.mesh.getElementProperties(t)[0] for t in types) or "no volume elements"
+        raise InputError(f"{path}: linear tetrahedra only are expected in the volume; found {found}.")
+    coordinates = model.mesh.getNodes()[1].reshape(-1, 3)
+    size = np.ptp(coordinates, axis=0).max()
+    if not 1e-3 <= size <= 1.0:  # also catches NaN
+        raise InputError(f"{path}: the mesh is {size:g} m long; 0.001 to 1 m is accepted, so convert its unit to metres.")
+    for dim, what in ((3, "volume"), (2, "surface")):
+        names = {tag: model.getPhysicalName(dim, tag) for _, tag in model.getPhysicalGroups(dim)}
+        unnamed = [tag for tag, name in names.items() if not name]
+        if unnamed:
+            raise InputError(f"{path}: physical {what} {unnamed[0]} has no name of its own; every physical {what} needs one.")
+        if dim == 3:
+            foreign.partition()
+        owners = Counter(e for _, tag in model.getPhysicalGroups(dim) for e in model.getEntitiesForPhysicalGroup(dim, tag))
+        double = [e for e, count in owners.items() if count > 1]
+        if double:
+            inside = [names[tag] for _, tag in model.getPhysicalGroups(dim) if double[0] in model.getEntitiesForPhysicalGroup(dim, tag)]
+            raise InputError(f"{path}: {what} {double[0]} is in the physical groups {' and '.join(inside)}; exactly one is accepted.")
+        if dim == 3 and any(e not in owners for _, e in model.getEntities(3) if len(model.mesh.getElements(3, e)[0])):
+            raise InputError(f"{path}: some volume is in no physical group; give every volume one physical name.")
+        if dim == 2 and not names:
+            raise InputError(f"{path}: no physical surface; name at least the one to be fixed.")
+    quality = model.mesh.getElementQualities(tags[0], "minSICN")
+    if quality.min() <= 0:
+        worst = int(tags[0][np.argmin(quality)])
+        raise InputError(
+            f"{path}: tetrahedron {worst} is inverted or flat (SICN {quality.min():.3g}); every one must have positive volume."
+        )
+
+
+def _read_h5(path: Path) -> dict[str, Any] | None:
+    if not path.exists():
+        return None
+    with reading(path, "the undamaged fibre file of the mesh (tongue build writes both)"), h5py.File(path, "r") as file:
+        stored = {
+            "name": str(file.attrs["name"]),
+            "cells": file["cells"][:],
+            "muscles": {name: _tree(group) for name, group in file.get("muscles", {}).items()},
+            "bones": {name: Surface.read(group) for name, group in file.get("bones", {}).items()},
+            "landmarks": {name: data[:] for name, data in file.get("landmarks", {}).items()},
+        }
+        if stored["cells"].ndim != 2 or stored["cells"].shape[1] != 4:
+            raise ValueError("cells has the wrong shape")
+        for name, muscle in stored["muscles"].items():
+            cells, nodes, weight, direction = (muscle[key] for key in ("cells", "nodes", "weight", "direction"))
+            fits = len(nodes) == len(weight) == len(direction) and np.array_equal(nodes, np.unique(stored["cells"][cells]))
+            if not fits or cells.min() < 0 or not np.isfinite(weight).all():
+                raise ValueError(f"muscles/{name} is damaged")
+            if not np.allclose(np.linalg.norm(direction, axis=1), 1.0):
+                raise ValueError(f"muscles/{name}/direction is not of unit length")
+        return stored
+
+
+def _tree(group: h5py.Group) -> dict[str, Any]:
+    return {key: _tree(item) if isinstance(item, h5py.Group) else item[:] for key, item in group.items()}
+
+
+def _entry(mesh: dmesh.Mesh, facets: Ints, stored: dict[str, Any]) -> MuscleEntry:
+    """The part of a muscle's entry on this rank."""
+    mesh.topology.create_connectivity(2, 3)
+    geometry = dmesh.entities_to_geometry(mesh, 2, facets)
+    given = mesh.geometry.input_global_indices
+    row = {tuple(sorted(triple)): i for i, triple in enumerate(stored["facets"].tolist())}
+    rows = np.array([row.get(tuple(sorted(triple)), -1) for triple in given[geometry].tolist()], dtype=np.int64)
+    mine = np.flatnonzero(rows >= 0)
+    values = dict(zip(stored["facets"].ravel().tolist(), stored["share"].ravel().tolist(), strict=True))
+    nodes = np.unique(geometry[mine])
+    share = np.array([values[node] for node in given[nodes].tolist()], dtype=float)
+    return MuscleEntry(facets[mine].astype(np.int32), nodes.astype(np.int32), share, stored["anchor"])
+
+
+def _match_cells(mesh: dmesh.Mesh, stored: Ints, path: Path) -> NDArray[np.int64]:
+    """Row in the stored cell table of each local cell, found by its vertices."""
+    local = np.sort(mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]], axis=1)
+    _, inverse = np.unique(np.vstack([np.sort(stored, axis=1), local]), axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    row = np.full(inverse.max() + 1, -1, dtype=np.int64)
+    row[inverse[: len(stored)]] = np.arange(len(stored))
+    found = row[inverse[len(stored) :]]
+    if mesh.comm.allreduce(int((found < 0).sum())) > 0:
+        raise InputError(f"{path}: does not belong to {path.with_suffix('.h5').name} beside it; build both again with tongue build.")
+    return found

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""The sheet of postures: each with and without gravity, in section and by its airway."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import LineCollection
+
+from ..analysis.airway import Airways, Postures
+from ..analysis.tongue_grid import cut, grids, outline, section
+from ..core.types import Floats
+from .run_figures import BONE, PATHS, name_parts
+
+
+def sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
+    """Draw each posture in a row, its settings in colours: the mid-sagittal section and the distance to the walls of the airway.
+
+    Parameters
+    ----------
+    postures, passages : mapping
+        The runs and their airways.
+    path : Path
+        PNG file; a PDF lies beside it.
+    """
+    figure, rows = plt.subplots(
+        len(postures), 2, figsize=(11, 3.7 * len(postures)), squeeze=False, layout="constrained", width_ratios=[1, 1.4]
+    )
+    for (name, settings), (plane, curve) in zip(postures.items(), rows, strict=True):
+        first = settings["none"]
+        rest = outline(section(grids(first, 0)[0]))
+        plane.add_collection(LineCollection(rest, colors="0.6", linewidths=1.0, linestyles="--"))
+        for surface in first.obstacles_at_rest.values():
+            plane.add_collection(LineCollection(cut(surface), colors=BONE, linewidths=1.6))
+        passage = passages[name]["none"]
+        curve.plot(passage.along, passage.distance[0], "--", color="0.6", label="at rest")
+        contours = [rest]
+        for colour, (setting, run) in zip(("0.1", *PATHS), settings.items(), strict=False):
+            contours.append(outline(section(grids(run)[1])))
+            plane.add_collection(LineCollection(contours[-1], colors=colour, linewidths=1.3))
+            curve.plot(passage.along, passages[name][setting].distance[-1], color=colour, label=f"gravity {setting}")
+        name_parts(curve, passage)
+        low, high = _box(contours)
+        plane.set(aspect="equal", xlim=(low[0] - 10, high[0] + 10), ylim=(low[1] - 4, high[1] + 12), ylabel="z in mm")
+        plane.set_title(name, loc="left", fontweight="bold")
+        curve.set(ylabel="distance to the tongue in mm", ylim=(0, None))
+        curve.grid(alpha=0.3)
+        curve.legend(fontsize=8)
+    rows[-1, 0].set_xlabel("← front    x in mm    back →")
+    rows[-1, 1].set_xlabel("along the wall, front to back, in mm")
+    paths = [path, path.with_suffix(".pdf")]
+    for target in paths:
+        figure.savefig(target, dpi=150)
+    plt.close(figure)
+    return paths
+
+
+def _box(contours: list[Floats]) -> tuple[Floats, Floats]:
+    points = np.concatenate(contours).reshape(-1, 2)
+    return points.min(axis=0), points.max(axis=0)

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: MIT
+"""Pictures of a run, drawn from its folder."""
+
+from __future__ import annotations
+
+from itertools import cycle, zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pyvista as pv
+from matplotlib.collections import LineCollection
+from vtkmodules.vtkCommonCore import vtkLogger
+
+from ..analysis.electropalatogram import ELECTRODES
+from ..analysis.tongue_grid import cut, grids, outline, section, skin
+from ..analysis.trajectories import SLOW, motion
+
+if TYPE_CHECKING:
+    from ..analysis.airway import Airway
+    from ..analysis.electropalatogram import Electropalatogram
+    from ..runs.run import Run
+
+vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
+
+COLOURS = "viridis"
+NEAR = "magma"
+BONE = "#b3926a"
+FRAMES = 24
+"""How many electropalatograms are drawn at most."""
+PATHS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
+PROBES = ("tip", "dorsum", "root")
+"""Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
+
+
+def midsagittal(run: Run, index: int | None = None) -> Path:
+    """The mid-sagittal section at rest and deformed, coloured by displacement, with the obstacles, as PNG and PDF.
+
+    By default at the output at which the tongue is farthest from rest.
+    """
+    index = run.farthest if index is None else index
+    rest, deformed = grids(run, index)
+    before, after = section(rest), section(deformed)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.8), sharex=True, sharey=True, layout="constrained")
+    left.add_collection(LineCollection(outline(before), colors="0.2", linewidths=1.4))
+    left.triplot(before.points[:, 0], before.points[:, 2], before.regular_faces, color="0.85", linewidth=0.3)
+    left.set_title("at rest")
+    image = right.tripcolor(
+        after.points[:, 0], after.points[:, 2], after.regular_faces, after["displacement"], shading="gouraud", cmap=COLOURS, vmin=0
+    )
+    right.add_collection(LineCollection(outline(before), colors="0.5", linewidths=1.0, linestyles="--"))
+    right.set_title(f"at {1e3 * _time(run, index):.0f} ms (dashed: rest)")
+    for axes, moment in ((left, 0), (right, index)):
+        axes.set_aspect("equal")
+        axes.set_xlabel("← front    x in mm    back →")
+        for surface in run.obstacles(moment).values():
+            axes.add_collection(LineCollection(cut(surface), colors=BONE, linewidths=1.6))
+    left.set_ylabel("z in mm")
+    left.autoscale_view()
+    if run.contact:  # bones reach far
+        (x, _, z), (x_end, _, z_end) = (f(np.vstack([rest.points, deformed.points]), axis=0) for f in (np.min, np.max))
+        left.set(xlim=(x - 8, x_end + 8), ylim=(z - 8, z_end + 12))
+    figure.colorbar(image, ax=[left, right], label="displacement in mm", shrink=0.8)
+    figure.suptitle(_title(run))
+    figure.get_layout_engine().set(h_pad=0.1)
+    return _save(figure, run, "midsagittal")
+
+
+def view3d(run: Run, index: int | None = None) -> Path:
+    """The deformed tongue from the front left, coloured by displacement, in its transparent rest shape and among the obstacles.
+
+    By default at the output at which the tongue is farthest from rest.
+    """
+    index = run.farthest if index is None else index
+    rest, deformed = grids(run, index)
+    path = run.folder / "figures" / "view3d.png"
+    path.parent.mkdir(exist_ok=True)
+    plotter = pv.Plotter(off_screen=True, window_size=(1200, 900))
+    try:
+        plotter.set_background("white")
+        plotter.add_mesh(
+            skin(deformed),
+            scalars="displacement",
+            cmap=COLOURS,
+            smooth_shading=True,
+            clim=(0.0, max(float(deformed["displacement"].max()), 1e-6)),
+            scalar_bar_args={"title": "displacement in mm\n", "color": "black", "fmt": "%.1f", "n_labels": 5},
+        )
+        plotter.add_mesh(skin(rest), color="gray", opacity=0.18, smooth_shading=True)
+        for surface in run.obstacles(index).values():
+            plotter.add_mesh(surface.to_pyvista().scale(1e3, inplace=False), color=BONE, opacity=0.25, smooth_shading=True)
+        plotter.add_text(f"{_title(run)}, {1e3 * _time(run, index):.0f} ms", font_size=11, color="black")
+        plotter.view_vector((-1.2, -1.0, 0.55), viewup=(0, 0, 1))
+        plotter.camera.zoom(1.35)
+        plotter.screenshot(path)
+    finally:
+        plotter.close()
+    return path
+
+
+def trajectories(run: Run) -> Path:
+    """Paths of tip, dorsum and root in the mid-sagittal plane (the chapter's Figure 4.6), and over time their displacement (Figure 4.7),
+    tangential speed and curvature, as PNG and PDF."""
+    names = [name for name in PROBES if name in run.probes] or list(run.probes)
+    figure = plt.figure(figsize=(12, 8.5), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=[1, 1.1])
+    over_time, speeds, bends = below.subplots(1, 3)
+    t = 1e3 * run.time
+    for colour, name, plane in zip(cycle(PATHS), names, above.subplots(1, len(names), squeeze=False)[0], strict=False):
+        place = run.rest[name] + run.probes[name]
+        speed, curvature = motion(run.time, place)
+        x, _, z = 1e3 * place.T
+        plane.plot(x, z, ".-", color=colour, markersize=2.5, linewidth=1)
+        plane.plot(x[0], z[0], "k+", x[-1], z[-1], "ko", markersize=5)
+        plane.set(title=f"{name}: from rest (+) to the end (•)", xlabel="← front    x in mm    back →", ylabel="z in mm")
+        plane.set_aspect("equal", adjustable="datalim")
+        plane.grid(alpha=0.3)
+        over_time.plot(t, x - x[0], color=colour, label=f"{name}, backward")
+        over_time.plot(t, z - z[0], "--", color=colour, label=f"{name}, upward")
+        speeds.plot(t, 1e2 * speed, color=colour, label=name)
+        bends.semilogy(t, curvature, ".", color=colour, markersize=3, label=name)
+    over_time.set(title="displacement", ylabel="mm")
+    speeds.set(title="tangential speed", ylabel="cm/s", ylim=(0, None))
+    bends.set(title=f"curvature, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")
+    for axes in (over_time, speeds, bends):
+        axes.set(xlabel="time in ms", xlim=(0, t[-1]))
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.suptitle(_title(run))
+    return _save(figure, run, "trajectories")
+
+
+def contact(run: Run) -> Path:
+    """Force and area of contact with each obstacle over time, as PNG and PDF."""
+    figure, (force, area) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    for name, touch in run.contact.items():
+        force.plot(1e3 * run.time, np.linalg.norm(touch["force"], axis=1), label=name)
+        area.plot(1e3 * run.time, 1e6 * touch["area"], label=name)
+    force.set(xlabel="time in ms", ylabel="force in N", title="force of contact")
+    area.set(xlabel="time in ms", ylabel="area in mm²", title="area of contact")
+    for axes in (force, area):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.suptitle(_title(run))
+    return _save(figure, run, "contact")
+
+
+def electropalatogram(run: Run, record: Electropalatogram) -> Path:
+    """The electropalatograms from first to last contact, front at the top; where the electrodes lie; how many are on over time."""
+    touched = np.flatnonzero(record.on.any(axis=1))
+    first, last = (touched[0], touched[-1]) if len(touched) else (0, len(record.time) - 1)
+    moments = np.unique(np.linspace(max(first - 1, 0), min(last + 1, len(record.time) - 1), FRAMES).round().astype(int))
+    columns = FRAMES // 2
+    rows = -(-len(moments) // columns)
+    figure = plt.figure(figsize=(13, 3.6 + 1.3 * rows), layout="constrained")
+    frames, below = figure.subfigures(2, 1, height_ratios=[1.3 * rows, 3.2])
+    corner = np.array([row > 0 or 0 < column < 7 for row in range(8) for column in range(8)]).reshape(8, 8)
+    y, x = np.nonzero(corner)
+    for axes, moment in zip_longest(frames.subplots(rows, columns, squeeze=False).ravel(), moments):
+        if moment is None:
+            axes.set_axis_off()
+            continue
+        on = record.grid(int(moment))[corner]
+        axes.scatter(x[~on], y[~on], s=3, color="0.7")
+        axes.scatter(x[on], y[on], s=26, color="black", marker="s")
+        axes.set(xlim=(-0.8, 7.8), ylim=(7.8, -0.8), aspect="equal", xticks=[], yticks=[])
+        axes.set_title(f"{1e3 * record.time[moment]:.0f} ms", fontsize=8)
+    palate, count = below.subplots(1, 2, width_ratios=[1, 2])
+    lateral, frontal = 1e3 * record.places[:, 1], 1e3 * record.places[:, 0]
+    share = palate.scatter(lateral, frontal, c=100 * record.on.mean(axis=0), cmap="magma_r", edgecolor="0.4")
+    palate.set(aspect="equal", xlabel="← left    y in mm    right →", ylabel="← back    x in mm    front →")
+    palate.invert_yaxis()
+    below.colorbar(share, ax=palate, label="% of the time on")
+    count.step(1e3 * record.time, record.on.sum(axis=1), where="mid", color="black")
+    count.set(xlabel="time in ms", ylabel=f"electrodes on, of {len(ELECTRODES)}", ylim=(0, None))
+    count.grid(alpha=0.3)
+    figure.suptitle(f"{_title(run)}: virtual electropalatogram")
+    return _save(figure, run, "epg")
+
+
+def airway(run: Run, record: Airway) -> Path:
+    """The distance from the walls of the airway to the tongue: in the mid-sagittal plane, along the walls at rest and at the output where
+    the tongue is farthest from rest, and along them over time, as PNG and PDF."""
+    index = run.farthest
+    rest, moved = grids(run, index)
+    figure, (plane, curve, time) = plt.subplots(1, 3, figsize=(14, 4.6), layout="constrained")
+    plane.add_collection(LineCollection(outline(section(rest)), colors="0.5", linewidths=1.0, linestyles="--"))
+    plane.add_collection(LineCollection(outline(section(moved)), colors="0.1", linewidths=1.4))
+    dots = plane.scatter(*record.wall.T, c=record.distance[index], s=9, cmap=NEAR, vmin=0)
+    figure.colorbar(dots, ax=plane, label="distance in mm", shrink=0.8)
+    plane.set(aspect="equal", xlabel="← front    x in mm    back →", ylabel="z in mm", title=f"at {1e3 * _time(run, index):.0f} ms")
+    curve.plot(record.along, record.distance[0], "--", color="0.5", label="at rest")
+    curve.plot(record.along, record.distance[index], color="0.1", label=f"at {1e3 * _time(run, index):.0f} ms")
+    name_parts(curve, record)
+    curve.set(xlabel="along the wall, front to back, in mm", ylabel="distance to the tongue in mm", ylim=(0, None))
+    curve.legend(fontsize=8)
+    curve.grid(alpha=0.3)
+    image = time.pcolormesh(1e3 * record.time, record.along, record.distance.T, cmap=NEAR, vmin=0)
+    figure.colorbar(image, ax=time, label="distance in mm")
+    time.set(xlabel="time in ms", ylabel="along the wall in mm")
+    figure.suptitle(f"{_title(run)}: airway")
+    return _save(figure, run, "airway")
+
+
+def name_parts(axes: plt.Axes, record: Airway) -> None:
+    """Say along a curve over the wall where each part of it begins."""
+    for name in dict.fromkeys(record.part):
+        begin = record.along[np.argmax(record.part == name)]
+        axes.axvline(begin, color="0.8", linewidth=0.8, zorder=0)
+        axes.annotate(name, (begin, 1.0), (3, -3), xycoords=("data", "axes fraction"), textcoords="offset points", va="top", fontsize=8)
+
+
+def _time(run: Run, index: int) -> float:
+    """Time in s of an output."""
+    return float(run.output_times[index])
+
+
+def _title(run: Run) -> str:
+    muscles = sorted({name.split("_")[0] for name in run.summary.get("model", {}).get("sigma_max", {})})
+    return f"{run.summary.get('name', run.folder.name)}: {', '.join(muscles) or 'no active muscle'}"
+
+
+def _save(figure: plt.Figure, run: Run, name: str) -> Path:
+    folder = run.folder / "figures"
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{name}.png"
+    figure.savefig(path, dpi=150)
+    figure.savefig(path.with_suffix(".pdf"))
+    plt.close(figure)
+    return path

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: MIT
+"""From a scenario to a simulation: mesh, model, activations."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from ..anatomy.anatomy import Anatomy
+from ..anatomy.catalogue import resolve
+from ..anatomy.parametric.tongue import parametric_tongue
+from ..anatomy.subject import read_subject
+from ..core.errors import InputError
+from ..core.parallel import on_rank_zero
+from ..geometry.obstacles import Obstacle, Plane, Sphere, Triangulated, check_orientation
+from ..geometry.surface import SUFFIXES, read_surface
+from ..mechanics.activation import Course, Excited
+from ..mechanics.contact import Contact
+from ..mechanics.contraction import Contraction
+from ..mechanics.model import Model, Rayleigh
+from ..mechanics.suspension import Suspension
+from ..meshing import build as meshing
+from ..meshing.tongue_mesh import TongueMesh
+from ..simulation.simulation import Simulation
+from ..simulation.stepping import Stepping
+from ..solvers.tolerances import Tolerances
+from .schema import ActivationSection, ContactSection, MeshSection, Scenario
+
+MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
+"""What a run folder keeps of a mesh that was built for it."""
+
+
+def anatomy_of(source: MeshSection) -> Anatomy:
+    """The anatomy that a mesh section names."""
+    if source.subject is not None:
+        return read_subject(Path(source.subject))
+    return parametric_tongue(source.shape.shape(), source.split)
+
+
+def size_of(source: MeshSection) -> float:
+    """Element size in m: as given, else of the preset (coarse for a subject)."""
+    return source.size or meshing.PRESETS[source.parametric or "coarse"]
+
+
+def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) -> Simulation:
+    """The simulation that a scenario describes.
+
+    A mesh that has to be built is built in a folder of its own and moved to `workspace` when everything fits, so that bad
+    input costs nothing that is there; with `keep_mesh` the one in `workspace` is taken again.
+
+    Raises
+    ------
+    InputError
+        If the scenario does not fit its mesh.
+    """
+    s = scenario.in_metres()
+    comm = MPI.COMM_WORLD
+    if s.mesh.file is not None:
+        return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm))
+    kept = workspace / MESH_FILES[0]
+    if keep_mesh and comm.bcast(kept.is_file()):
+        return _simulation(s, TongueMesh.read(kept, comm))
+    anatomy = on_rank_zero(comm, lambda: anatomy_of(s.mesh))
+    for name in s.activation:  # before the mesh, which takes longer
+        resolve(name, anatomy.muscles, f"activation.{name}")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(comm.bcast(folder)) / MESH_FILES[0]
+        on_rank_zero(comm, lambda: meshing.build(anatomy, path, size_of(s.mesh)))
+        simulation = _simulation(s, TongueMesh.read(path, comm))
+        on_rank_zero(comm, lambda: [shutil.copyfile(path.with_name(name), workspace / name) for name in MESH_FILES])
+    return simulation
+
+
+def _contacts(s: Scenario, tongue: TongueMesh) -> dict[str, Contact]:
+    """The obstacles of a scenario, in m."""
+    motions = {name: section.motion() for name, section in s.boundary.moving.items()}
+    contacts = {}
+    for name, section in s.contact.items():
+        if section.moves_with is not None and section.moves_with not in motions:
+            known = ", ".join(motions) or "none"
+            raise InputError(f"contact.{name}.moves_with: {section.moves_with!r} does not move; moving in boundary.moving: {known}.")
+        obstacle = on_rank_zero(tongue.comm, lambda name=name, section=section: _obstacle(name, section, tongue))
+        motion = motions.get(section.moves_with or "")
+        numbers = section.model_dump(include={"form", "theta", "stiffness", "tolerance", "touching"})
+        contacts[name] = Contact(obstacle, motion=motion, **numbers)
+    return contacts
+
+
+def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacle:
+    if section.plane is not None:
+        return Plane(section.plane.point, section.plane.normal)
+    if section.sphere is not None:
+        return Sphere(section.sphere.centre, section.sphere.radius)
+    source = section.surface or name
+    if Path(source).suffix in SUFFIXES:
+        surface = read_surface(Path(source))
+        if (size := np.ptp(surface.points, axis=0).max()) > 1.0:
+            raise InputError(f"{source}: the surface is {size:g} m long; metres are expected, as in the mesh.")
+    elif source in tongue.bones:
+        surface = tongue.bones[source]
+    else:
+        known = ", ".join(tongue.bones) or "none"
+        raise InputError(
+            f"contact.{name}.surface: the mesh has no bone {source!r} (it has {known}); one of them or a file in "
+            f"{', '.join(SUFFIXES)} is expected."
+        )
+    check_orientation(surface, f"contact.{name}", tongue.mesh.geometry.x)
+    return Triangulated(surface)
+
+
+def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
+    for name in s.muscles.sigma_max:
+        resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
+    model = Model(
+        tongue,
+        passive=s.law(),
+        contraction=Contraction(**s.muscles.model_dump(exclude={"sigma_max"})),
+        damping=Rayleigh(s.tissue_value("rayleigh_alpha"), s.tissue_value("rayleigh_beta")),
+        density=s.tissue_value("density"),
+        sigma_max=s.sigma_max(),
+        fixed=s.boundary.fixed,
+        moving={name: section.motion() for name, section in s.boundary.moving.items()},
+        suspended={name: Suspension(**section.model_dump()) for name, section in s.boundary.suspended.items()},
+        contacts=_contacts(s, tongue),
+        mixed=s.tissue.formulation == "mixed",
+        gravity=s.gravity.vector,
+        gravity_rise=s.gravity.rise,
+    )
+    step_max = s.time.step or s.time.step_max
+    step_min = min(1e-5, step_max) if s.time.step_min is None else s.time.step_min
+    return Simulation(
+        model,
+        {name: _course(s, section) for name, section in s.activation.items()},
+        s.probes,
+        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every, s.time.quasi_static, s.output.fields, s.time.tolerance),
+        Tolerances(s.solver.rtol, s.solver.atol, s.solver.linear, s.solver.max_newton),
+    )
+
+
+def _course(s: Scenario, section: ActivationSection) -> Course:
+    course = section.course()
+    return course if s.excitation is None else Excited(course, s.excitation.rise, s.excitation.fall)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""How time advances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.errors import InputError
+
+Report = Callable[["Progress"], None]
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How time advances.
+
+    Attributes
+    ----------
+    step_max, step_min : float
+        Largest step, and the step in s below which the run gives up.
+    spectral_radius : float
+        Of generalized-alpha, 0…1.
+    output_every : float
+        Time in s between stored fields.
+    tolerance : float, optional
+        Accepted error of a step over the largest displacement so far (at least 0.1 mm), both as root mean squares over the
+        nodes; steps grow and shrink between `step_min` and `step_max` to meet it. By default steps are `step_max`, shorter only
+        where a solve fails.
+    quasi_static : bool
+        Whether inertia and rates are left out, so that every output is an equilibrium.
+    fields : sequence of str
+        Fields to store beside displacement, velocity, strain and J: some of `fields.EXTRA_FIELDS`.
+    """
+
+    step_max: float = 5e-3
+    step_min: float = 1e-5
+    spectral_radius: float = 0.8
+    output_every: float = 0.01
+    quasi_static: bool = False
+    fields: Sequence[str] = ()
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.tolerance is not None and not 0 < self.tolerance < 1:
+            raise InputError(f"time.tolerance: {self.tolerance}; a share above 0 and below 1 is expected, such as 0.001.")
+        for name in ("step_max", "step_min", "output_every"):
+            if not (np.isfinite(value := getattr(self, name)) and value > 0):
+                raise InputError(f"{name}: {value}; a positive number of seconds is expected.")
+        if self.step_min > self.step_max:
+            raise InputError(f"step_min: {self.step_min} s is larger than step_max, {self.step_max} s.")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run is: what the progress bar and the log say after each step."""
+
+    t: float
+    t_end: float
+    step: int
+    h: float
+    newton: int
+    krylov: int
+    rung: str

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: MIT
+"""The anatomical criteria over tissues, subjects, activations and stresses: the runs, and their matrix."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import isnan, nan
+from pathlib import Path
+
+from mpi4py import MPI
+
+from ..analysis.movement import Movement, movement
+from ..anatomy.catalogue import PEAK_STRESS
+from ..core.errors import SolveError
+from ..core.parallel import on_rank_zero
+from ..core.tables import markdown
+from ..runs.run import Run
+from ..simulation.stepping import Report
+from . import single_muscle as solo
+from .anatomy_statements import Criterion, criteria
+
+LEVELS = {"calka": (1.0,), "buchaillard": (0.1, 0.3)}
+"""Activations by tissue: the stresses of the one are calibrated for full activation, those of the other are greatest forces, of which
+postures of speech take some 0.05 to 0.6 (Stavness 2012)."""
+SUBJECT_TISSUE = "buchaillard"
+"""Living subjects are not checked with the tissue of a cadaver."""
+FACTORS = (1.0, 0.8, 1.2)
+"""Of the peak stress, the first alone unless the check is to be robust."""
+FILES = ("anatomy.md", "anatomy.csv")
+"""What a check leaves beside the run folders."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One setting in which every muscle moves alone.
+
+    Attributes
+    ----------
+    tongue : str
+        Name of the mesh.
+    mesh : Path
+        Its file.
+    tissue : str
+        Preset of the tissue and its peak stresses.
+    level : float
+        Activation.
+    factor : float
+        Of the peak stress.
+    """
+
+    tongue: str
+    mesh: Path
+    tissue: str
+    level: float
+    factor: float
+
+    @property
+    def label(self) -> str:
+        """How it is called."""
+        return f"{self.tongue} {self.tissue} {self.level:g}" + ("" if self.factor == 1 else f" × {self.factor:g}")
+
+    @property
+    def folder(self) -> str:
+        """Where its runs go."""
+        return self.label.replace(" × ", "-x").replace(" ", "-")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A measured value, not a number where the solve failed, and whether the criterion holds."""
+
+    value: float
+    holds: bool
+
+    def __str__(self) -> str:
+        return "no solution" if isnan(self.value) else f"{self.value:+.2f}"
+
+
+Matrix = dict[tuple[str, Criterion], dict[Column, Cell]]
+"""Muscle and criterion to its cells; one about full activation has none elsewhere."""
+
+
+def columns(mesh: Path, subject: Path | None = None, robust: bool = False) -> list[Column]:
+    """The settings for a tongue, and for a subject if there is one; each again at ± 20 % of the stress if wanted."""
+    places = [(mesh, tissue) for tissue in LEVELS] + ([(subject, SUBJECT_TISSUE)] if subject is not None else [])
+    return [
+        Column(place.stem, place, tissue, level, factor)
+        for place, tissue in places
+        for level in LEVELS[tissue]
+        for factor in (FACTORS if robust else FACTORS[:1])
+    ]
+
+
+def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[str], None], report: Report | None = None) -> Matrix:
+    """Move every muscle alone among the bones in every setting and judge the ends; finished runs of the same scenario are taken.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the run folders go.
+    muscles : mapping
+        Setting to its muscles, without sides.
+    say : callable
+        Is told of each muscle.
+    report : callable, optional
+        Called after each step of a run, on rank 0.
+
+    Raises
+    ------
+    InputError
+        If a mesh lacks the landmarks.
+    """
+    matrix: Matrix = {}
+    for column, names in muscles.items():
+        walls = solo.walls_in(column.mesh)
+        for name in names:
+            stress = column.factor * PEAK_STRESS[column.tissue][name]
+            case = solo.scenario(name, column.mesh, column.tissue, stress, column.level, walls)
+            measured: Movement | None = None
+            try:
+                run, how = solo.moved(case, folder / column.folder / name, report)
+                measured = _measured(run)
+            except SolveError as error:
+                how = str(error)
+            found = {criterion: _judged(criterion, measured) for criterion in criteria(name, column.level)}
+            for criterion, cell in found.items():
+                matrix.setdefault((name, criterion), {})[column] = cell
+            say(f"{column.label}, {name}: {sum(cell.holds for cell in found.values())} of {len(found)} hold ({how})")
+    return matrix
+
+
+def _judged(criterion: Criterion, measured: Movement | None) -> Cell:
+    return Cell(nan, False) if measured is None else Cell(measured[criterion.quantity], criterion.holds(measured))
+
+
+def _measured(run: Run) -> Movement:
+    measured: Movement = on_rank_zero(MPI.COMM_WORLD, partial(movement, run))
+    return measured
+
+
+def ordered(matrix: Matrix) -> list[tuple[str, Criterion]]:
+    """The rows, muscle by muscle in the order of their first appearance."""
+    muscles = list(dict.fromkeys(muscle for muscle, _ in matrix))
+    return sorted(matrix, key=lambda row: muscles.index(row[0]))
+
+
+def written(matrix: Matrix, settings: Sequence[Column], folder: Path) -> None:
+    """Write ``anatomy.md``, a table with what fails in bold, and ``anatomy.csv``, one line a cell."""
+    head = ["muscle", "part", "statement", "bounds", *(column.label for column in settings)]
+    lines = []
+    with open(folder / "anatomy.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["muscle", "part", "statement", "bounds", "tongue", "tissue", "activation", "stress_factor", "value", "holds"])
+        for muscle, criterion in ordered(matrix):
+            cells = matrix[muscle, criterion]
+            start = [muscle, criterion.part, criterion.says, criterion.bounds]
+            for column, cell in cells.items():
+                setting = [column.tongue, column.tissue, column.level, column.factor]
+                writer.writerow([*start, *setting, cell.value, "yes" if cell.holds else "no"])
+            lines.append([*start, *(shown(cells.get(column), "**NO {}**") for column in settings)])
+    (folder / "anatomy.md").write_text(markdown(head, lines), encoding="utf-8")
+
+
+def shown(cell: Cell | None, failed: str) -> str:
+    """A cell as printed: empty where the criterion does not apply, put into `failed` where it does not hold."""
+    if cell is None:
+        return ""
+    return str(cell) if cell.holds else failed.format(cell)

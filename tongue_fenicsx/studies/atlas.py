@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""What each muscle does alone (the chapter's Figure 4.5): the runs, and their movements as a table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from ..analysis.movement import single_muscle_row
+from ..anatomy.catalogue import CATALOGUE, PEAK_STRESS
+from ..core.tables import markdown
+from ..runs.run import Run
+from ..simulation.stepping import Report
+from . import single_muscle as solo
+
+MUSCLES = tuple(name for name in CATALOGUE if name != "GGH")
+"""All eleven."""
+FILES = ("atlas.csv", "atlas.md", "atlas.png", "atlas.pdf")
+"""What an atlas leaves beside the run folders."""
+COLUMNS = {
+    "muscle": "", "stress_kPa": ".3g", "tip_x_mm": "+.1f", "tip_z_mm": "+.1f", "dorsum_x_mm": "+.1f", "dorsum_z_mm": "+.1f",
+    "root_x_mm": "+.1f", "root_z_mm": "+.1f", "edges_z_mm": "+.1f", "width_mm": "+.1f", "largest_mm": ".1f", "strain": ".2f",
+    "speed_mm_s": ".0f",
+}  # fmt: skip
+"""Of the table, and how its numbers are printed."""
+
+
+def movements(
+    folder: Path, mesh: Path, muscles: list[str], tissue: str, say: Callable[[str], None], report: Report | None = None
+) -> dict[str, Run]:
+    """Run each muscle alone among the bones, each in a folder of its name; one that is already there from the same scenario is taken.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the run folders go.
+    mesh : Path
+        Mesh file.
+    muscles : list of str
+        Without sides, of the catalogue.
+    tissue : str
+        Preset of the tissue and its peak stresses.
+    say : callable
+        Is told of each muscle.
+    report : callable, optional
+        Called after each step of a run, on rank 0.
+
+    Raises
+    ------
+    InputError
+        If the mesh lacks the landmarks that the table is about.
+    SolveError
+        If a run fails.
+    """
+    runs = {}
+    walls = solo.walls_in(mesh)
+    for name in muscles:
+        case = solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name], walls=walls)
+        runs[name], how = solo.moved(case, folder / name, report)
+        say(f"{name}: {how}")
+    return runs
+
+
+def written(runs: Mapping[str, Run], folder: Path) -> list[list[str]]:
+    """Write ``atlas.csv`` and ``atlas.md``; return the table as it is printed, names of columns first."""
+    rows = [single_muscle_row(name, run) for name, run in runs.items()]
+    table = [[key.replace("_", " ") for key in COLUMNS], *([format(r[key], form) for key, form in COLUMNS.items()] for r in rows)]
+    with open(folder / "atlas.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+    (folder / "atlas.md").write_text(markdown(table[0], table[1:]), encoding="utf-8")
+    return table

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: MIT
+"""Peak active stresses from the strain that a muscle reaches alone: the chapter prints the strain only, "of the order of 50 %"."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from ..core.errors import InputError, SolveError
+from ..core.versions import versions
+from ..scenario.build import simulation_of
+from ..simulation.stepping import Report
+from . import single_muscle as solo
+
+TONGUE_MUSCLES = ("GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS")
+"""Calibrated; geniohyoid and mylohyoid, bonded at both ends, keep their published ratio to GGP."""
+START, BOUND = 4e3, 200e3
+"""First stress tried and largest accepted, in Pa; 220 kPa is the specific tension of muscle (Van Lunteren 1990)."""
+TOLERANCE = 0.02
+MAX_RUNS = 10
+SLOPE = 0.15
+"""Strain per e-fold of stress, assumed until two runs are known (0.12 to 0.2 on the parametric tongue)."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Outcome for one muscle.
+
+    Attributes
+    ----------
+    stress : float
+        Peak active stress in Pa; of the runs that converged, the one nearest to the target.
+    strain : float
+        What it reaches.
+    reached : bool
+        Whether that is the target within the tolerance.
+    limit : float
+        The smallest stress in Pa at which the solve failed, else the largest accepted one.
+    runs : int
+        How many were needed.
+    """
+
+    stress: float
+    strain: float
+    reached: bool
+    limit: float
+    runs: int
+
+
+def find_stress(strain: Callable[[float], float], target: float, tolerance: float = TOLERANCE, bound: float = BOUND) -> Found:
+    """The stress, to two digits, at which a strain that grows with it reaches a target: secant in its logarithm, kept between what is
+    too little and what is too much.
+
+    Parameters
+    ----------
+    strain : callable
+        Of a stress in Pa; raises `SolveError` where the solve fails, which counts as too much.
+    target, tolerance : float
+        Strain to reach, and how nearly.
+    bound : float
+        Largest stress in Pa.
+
+    Raises
+    ------
+    SolveError
+        If none of the stresses tried could be solved.
+    """
+    trials: dict[float, float] = {}
+    stress = float(f"{min(START, bound):.2g}")
+    while stress not in trials and len(trials) < MAX_RUNS:
+        try:
+            trials[stress] = strain(stress)
+        except SolveError:
+            trials[stress] = math.inf
+        if abs(trials[stress] - target) <= tolerance:
+            break
+        stress = float(f"{min(_next(trials, target), bound):.2g}")
+    solved = {stress: reached for stress, reached in trials.items() if math.isfinite(reached)}
+    if not solved:
+        raise SolveError(f"the solve failed at every stress tried, down to {1e-3 * min(trials):g} kPa.")
+    best = min(solved, key=lambda stress: abs(solved[stress] - target))
+    limit = min(trials.keys() - solved.keys(), default=bound)
+    return Found(best, solved[best], abs(solved[best] - target) <= tolerance, limit, len(trials))
+
+
+def _next(trials: Mapping[float, float], target: float) -> float:
+    """The stress to try next, in Pa."""
+    below = max((stress for stress, strain in trials.items() if strain < target), default=None)
+    above = min((stress for stress, strain in trials.items() if strain >= target), default=None)
+    if below is not None and above is not None:
+        share = min(max((target - trials[below]) / (trials[above] - trials[below]), 0.1), 0.9) if math.isfinite(trials[above]) else 0.5
+        return math.exp((1 - share) * math.log(below) + share * math.log(above))
+    solved = sorted((s for s, strain in trials.items() if math.isfinite(strain)), key=lambda s: abs(trials[s] - target))
+    if not solved:
+        return min(trials) / 4
+    near, *others = solved
+    slope = max((trials[near] - trials[others[0]]) / math.log(near / others[0]), SLOPE / 4) if others else SLOPE
+    return near * math.exp(min(max((target - trials[near]) / slope, -math.log(4)), math.log(4)))
+
+
+def check_target(strain: float) -> None:
+    """Refuse a target that no muscle is made for.
+
+    Raises
+    ------
+    InputError
+        If it is not between 0.05 and 1.5.
+    """
+    if not 0.05 <= strain <= 1.5:
+        raise InputError(f"--strain: {strain:g}; a number from 0.05 to 1.5 is expected.")
+
+
+def calibrate(
+    mesh: Path, muscles: list[str], tissue: str, target: float, say: Callable[[str], None], report: Report | None = None
+) -> dict[str, Found]:
+    """Find the stress of each muscle with which it alone reaches a `hencky_von_mises_max`.
+
+    Parameters
+    ----------
+    mesh : Path
+        Mesh file.
+    muscles : list of str
+        Without sides.
+    tissue : str
+        Preset of the tissue.
+    target : float
+        The 99th percentile of the von Mises Hencky strain by volume, the largest over the outputs.
+    say : callable
+        Is told of each run.
+    report : callable, optional
+        Called after each step of a run, on rank 0.
+
+    Raises
+    ------
+    SolveError
+        If no stress of a muscle could be solved.
+    """
+    comm = MPI.COMM_WORLD
+    found = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(comm.bcast(name))
+        for muscle in muscles:
+
+            def strain(stress: float, muscle: str = muscle) -> float:
+                case = solo.scenario(muscle, mesh, tissue, stress)
+                try:
+                    reached = float(simulation_of(case, folder).run(case.time.end, folder, report=report).summary["hencky_von_mises_max"])
+                except SolveError:
+                    say(f"{muscle}: {1e-3 * stress:g} kPa, the solve fails")
+                    raise
+                say(f"{muscle}: {1e-3 * stress:g} kPa, strain {reached:.3f}")
+                return reached
+
+            found[muscle] = find_stress(strain, target)
+    return found
+
+
+HEADER = "# Peak active stresses in Pa, written by tongue calibrate.\n"
+
+
+def table(found: Mapping[str, Found], mesh: str, tissue: str, target: float) -> dict[str, Any]:
+    """What is written: the stresses as a scenario takes them, and how they were found."""
+    return {
+        "muscles": {"sigma_max": {muscle: f.stress for muscle, f in found.items()}},
+        "calibration": {
+            "protocol": f"each muscle alone, 0 to 1 in {1e3 * solo.RISE:g} ms, held to {1e3 * (solo.RISE + solo.HOLD):g} ms",
+            "quantity": "hencky_von_mises_max: 99th percentile by volume, largest over the outputs",
+            "tissue": tissue,
+            "mesh": mesh,
+            "target": target,
+            "tolerance": TOLERANCE,
+            "bound": BOUND,
+            "strain": {muscle: round(f.strain, 3) for muscle, f in found.items()},
+            "not_reached_up_to": {muscle: f.limit for muscle, f in found.items() if not f.reached},
+            "versions": versions(),
+        },
+    }

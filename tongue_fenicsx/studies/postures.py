@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Postures with and without gravity: the runs, their airways, and how they differ."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..analysis.airway import WALLS, Airways, Postures, airway
+from ..core.errors import InputError
+from ..core.tables import markdown
+from ..plotting.run_figures import PROBES
+from ..runs.run import Run
+from ..scenario.schema import POSTURES as HEADS
+from ..scenario.schema import MeshSection, Scenario
+from ..simulation.stepping import Report
+from .single_muscle import built, moved
+
+SETTINGS = ("none", *HEADS)
+"""Gravity: off, of the upright head, of the supine one."""
+FILES = ("postures.md", "postures.png", "postures.pdf")
+"""What a comparison leaves beside the run folders."""
+
+
+def with_gravity(case: Scenario, setting: str) -> Scenario:
+    """A scenario in one of the `SETTINGS`, whatever its own gravity is; it rises as before."""
+    gravity = {"rise": case.gravity.rise} | ({} if setting == "none" else {"posture": setting})
+    return Scenario.model_validate(case.model_dump(exclude={"gravity"}, exclude_none=True) | {"gravity": gravity})
+
+
+def check(path: Path, case: Scenario) -> None:
+    """Make sure that a scenario has an airway.
+
+    Raises
+    ------
+    InputError
+        If it has no contact with one of its walls.
+    """
+    if not case.contact.keys() & set(WALLS):
+        raise InputError(f"{path}: contact: none with a wall of the airway; [contact.NAME] with one of {', '.join(WALLS)} is expected.")
+
+
+def runs(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], None], report: Report | None = None) -> Postures:
+    """Run every posture in every setting, in folders of their names; finished runs of the same scenario are taken as they are.
+
+    Raises
+    ------
+    InputError
+        If a scenario does not fit its mesh.
+    SolveError
+        If a run fails.
+    """
+    found: dict[str, dict[str, Run]] = {}
+    for name, case in cases.items():
+        source = case.in_metres().mesh
+        if source.file is None:  # one file for all postures on the same mesh
+            path = folder / f"mesh-{hashlib.sha256(repr(source).encode()).hexdigest()[:8]}.msh"
+            source = MeshSection(file=str(built(source, path)))
+        for setting in SETTINGS:
+            on_mesh = with_gravity(case.in_metres(), setting).model_copy(update={"mesh": source})
+            run, how = moved(on_mesh, folder / name / setting, report)
+            found.setdefault(name, {})[setting] = run
+            say(f"{name}, gravity {setting}: {how}")
+    return found
+
+
+def airways(postures: Postures) -> Airways:
+    """The airway of each run at rest and at the end."""
+    return {name: {setting: airway(run, (0, -1)) for setting, run in settings.items()} for name, settings in postures.items()}
+
+
+def written(postures: Postures, passages: Airways, folder: Path) -> list[list[str]]:
+    """Write ``postures.md``; return it as a table, names of columns first: the displacement of the landmarks backward and upward at the
+    end, by how much gravity moves any node at most, and how narrow the airway is where, all in mm."""
+    head = ["posture", "gravity", *PROBES, "by gravity", "narrowest", "at", "x, z"]
+    table = [head]
+    for name, settings in postures.items():
+        alone = settings["none"].field("displacement")
+        for setting, run in settings.items():
+            ends = (1e3 * run.probes[probe][-1] for probe in PROBES)
+            by_gravity = 1e3 * float(np.linalg.norm(run.field("displacement") - alone, axis=1).max())
+            passage = passages[name][setting]
+            at = passage.narrowest()
+            x, z = passage.wall[at]
+            place = f"{passage.distance[-1, at]:.1f}", str(passage.part[at]), f"{x:.0f}, {z:.0f}"
+            table.append([name, setting, *(f"{u[0]:+.1f}, {u[2]:+.1f}" for u in ends), f"{by_gravity:.1f}", *place])
+    (folder / "postures.md").write_text(markdown(table[0], table[1:]), encoding="utf-8")
+    return table

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: MIT
+"""One muscle alone: the chapter's protocol (Figure 4.4, in red), which calibration, atlas and verification share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from mpi4py import MPI
+
+from ..anatomy.catalogue import CATALOGUE, base_name, resolve
+from ..core.errors import InputError
+from ..core.parallel import on_rank_zero
+from ..meshing import build as meshing
+from ..meshing.tongue_mesh import TongueMesh
+from ..runs.run import Run
+from ..scenario.build import anatomy_of, simulation_of, size_of
+from ..scenario.files import dump
+from ..scenario.schema import MeshSection, Scenario
+from ..simulation.stepping import Report
+
+LANDMARKS = ("tip", "dorsum", "root", "edge_left", "edge_right")
+RISE, HOLD = 0.1, 0.25
+"""In s: full activation after 100 ms, held to 350 ms."""
+CONTACT = {"touching": 1e-3, "tolerance": 1e-4}
+"""Overlap at rest that measured bones may have, and penetration that is accepted, in m."""
+QUICK = {
+    "time": {"end": RISE + HOLD, "step": 6.25e-3},
+    "solver": {"rtol": 3e-2, "linear": 1e-2, "atol": 4e-4},
+    "output": {"every": 0.025},
+}
+"""In contact: as in the chapter's case, with trajectories within 1 % of those at a quarter of the step."""
+
+
+def mesh_of(mesh: Path | None, preset: str, folder: Path) -> Path:
+    """The mesh file: the given one, or that of the parametric tongue, built in `folder` if it is not there yet."""
+    if mesh is not None:
+        return mesh
+    return built(MeshSection(parametric=preset), folder / f"{preset}.msh")
+
+
+def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) -> list[str]:
+    """Those of the `wanted` muscles that the mesh has; or `some`, if given.
+
+    Raises
+    ------
+    InputError
+        If the mesh cannot be read, has not `some` of them, or none at all.
+    """
+    tongue = TongueMesh.read(mesh, MPI.COMM_WORLD)
+    for name in some or ():
+        resolve(name, tongue.muscles, "--muscle")
+    available = set(map(base_name, tongue.muscles))
+    found = list(dict.fromkeys(some or [name for name in CATALOGUE if name in wanted and name in available]))
+    if not found:
+        raise InputError(f"{mesh}: has none of the muscles {', '.join(wanted)}.")
+    return found
+
+
+def walls_in(mesh: Path) -> list[str]:
+    """The bones and walls of a mesh that the tongue may lean on; not the hyoid, which it surrounds."""
+    return [name for name in TongueMesh.read(mesh, MPI.COMM_WORLD).bones if name != "hyoid"]
+
+
+def subject_mesh(subject: Path, folder: Path) -> Path:
+    """The mesh file of a real subject at the coarse size, built in `folder` if it is not there yet.
+
+    Raises
+    ------
+    InputError
+        If the subject's folder cannot be used (see `subject.read_subject`).
+    """
+    return built(MeshSection(subject=str(subject)), folder / f"{subject.resolve().name}.msh")
+
+
+def built(source: MeshSection, path: Path) -> Path:
+    """The mesh file of a mesh section in m, built if it is not there yet."""
+    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy_of(source), path, size_of(source)))
+    return path
+
+
+def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float = 1.0, walls: Sequence[str] = ()) -> Scenario:
+    """Both sides of a muscle from 0 to a level in 100 ms, held to 350 ms: no gravity or stiffening.
+
+    Parameters
+    ----------
+    muscle : str
+        Without side.
+    mesh : Path
+        Mesh file.
+    tissue : str
+        Preset.
+    stress : float
+        Peak active stress in Pa.
+    level : float
+        Activation that is held.
+    walls : sequence of str
+        Bones of the mesh in contact.
+    """
+    return Scenario.model_validate(
+        {
+            "mesh": {"file": str(mesh)},
+            "tissue": {"preset": tissue},
+            "muscles": {"sigma_max": {muscle: stress}},
+            "time": {"end": RISE + HOLD},
+            "activation": {muscle: {"pieces": [(RISE, 0.0, level), (HOLD, level, level)]}},
+            "contact": dict.fromkeys(walls, CONTACT),
+        }
+        | (QUICK if walls else {})
+    )
+
+
+def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
+    """Run a scenario with the landmarks as further probes, unless `folder` holds the finished run of the same; also say how long it took.
+
+    Raises
+    ------
+    InputError
+        If the mesh lacks the landmarks.
+    SolveError
+        If the run fails.
+    """
+    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS} | (case.probes or {})})
+    text = dump(case)
+    if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
+        return Run(folder), "already there"
+    simulation_of(case, folder).run(case.time.end, folder, report=report, scenario=text)
+    run = Run(folder)
+    return run, f"{run.summary['wall_seconds']:.0f} s"
+
+
+def _finished(folder: Path, scenario: str) -> bool:
+    asked, done = folder / "scenario.toml", folder / "summary.json"
+    same = asked.is_file() and asked.read_text(encoding="utf-8") == scenario
+    return same and done.is_file() and json.loads(done.read_text(encoding="utf-8"))["status"] == "done"
