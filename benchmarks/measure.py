@@ -19,6 +19,7 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.forms import jit
 from tongue_fenicsx.forms.weak_form import WeakForm
 from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
@@ -53,7 +54,7 @@ def assembly(file: Path, repeats: int) -> dict[str, dict[str, float]]:
     found = {}
     for name, muscles in (("GGP", ["GGP_L", "GGP_R"]), ("all muscles", list(tongue.muscles))):
         weak = WeakForm(tf.Model(tongue), muscles)
-        newton = Newton(weak, GeneralizedAlpha(weak.u), Tolerances(), print)
+        newton = Newton(Equations(weak, GeneralizedAlpha(weak.u)), Tolerances(), print)
         newton.forces.repack()
         times = {
             "residual": median(seconds(newton.forces.unbalanced) for _ in range(repeats)),

@@ -96,7 +96,7 @@ def plain(n: int, steps: int) -> Peer:
     def march() -> None:
         nonlocal newton
         for i in range(1, steps + 1):
-            weak.set_time(i * STEP, {})
+            weak.load(i * STEP, {})
             scheme.begin(STEP)
             problem.solve()
             newton += problem.solver.getIterationNumber()

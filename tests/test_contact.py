@@ -21,6 +21,7 @@ from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.meshing import build as meshing
 from tongue_fenicsx.scenario.build import simulation_of
 from tongue_fenicsx.scenario.files import dump, load
+from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton, Outcome
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
@@ -69,8 +70,8 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     """A step 3 mm down to a floor 1 mm below ends at the floor; one that turns the block inside out is cut."""
     weak = WeakForm(sinking(block, Contact(FLOOR)), [])
     scheme = GeneralizedAlpha(weak.u)
-    newton = Newton(weak, scheme, Tolerances(), print)
-    weak.set_time(1.0, {})
+    newton = Newton(Equations(weak, scheme), Tolerances(), print)
+    weak.load(1.0, {})
     scheme.begin(0.1)
     newton.forces.repack()
     x, step, b = newton._x, newton._x.duplicate(), newton._b
@@ -78,7 +79,7 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     place = weak.V.tabulate_dof_coordinates()[: step.getLocalSize() // 3]
     step.array.reshape(-1, 3)[:] = np.column_stack([squeeze * place[:, 0], 0 * place[:, 0], np.full(len(place), 3e-3)])
     whole, first = step.max()[1], b.dot(step)
-    newton._shorten(x, step)
+    newton._search._shorten(x, step)
     share = step.max()[1] / whole
     x.axpy(-1.0, step)
     newton._evaluate(x, b)

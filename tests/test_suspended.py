@@ -13,6 +13,7 @@ from tongue_fenicsx.forms.weak_form import WeakForm
 from tongue_fenicsx.mechanics.suspension import Suspension
 from tongue_fenicsx.scenario.build import simulation_of
 from tongue_fenicsx.scenario.files import load
+from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
@@ -70,11 +71,11 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
 def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
     """The reduced tangent, with its bending part, leaves of the reduced residual's change what shrinks with the square of the step."""
     weak = WeakForm(hung(block, Suspension(), mixed, damping=tf.Rayleigh(20.0, 0.01)), ["GGP_L"])
-    weak.set_time(0.0, {"GGP_L": 0.7})
+    weak.load(0.0, {"GGP_L": 0.7})
     weak.frozen = weak.u  # the whole derivative
     scheme = GeneralizedAlpha(weak.u, 0.8, weak.pressure)
     scheme.begin(0.01)
-    newton = Newton(weak, scheme, Tolerances(), lambda line: None)
+    newton = Newton(Equations(weak, scheme), Tolerances(), lambda line: None)
     assert newton._bodies is not None
     weak.u.interpolate(lambda X: 1e-3 * np.array([np.sin(100 * X[1]), np.sin(90 * X[0]), np.sin(80 * X[0])]))
     x = newton._x
@@ -84,7 +85,7 @@ def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
     direction = x.duplicate()
     points = weak.V.tabulate_dof_coordinates()[: n // 3]
     direction.array[:n] = 1e-3 * np.sin(200 * points + 100 * points.sum(axis=1, keepdims=True)).ravel()
-    direction.array[newton._fixed] = 0.0
+    direction.array[weak.fixed_dofs] = 0.0
     direction.array[newton._bodies._transformation.slaves] = 0.0
     start, here = x.copy(), x.duplicate()
 
