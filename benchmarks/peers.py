@@ -51,9 +51,7 @@ def model(n: int, steps: int) -> tf.Model:
     """The block with 2 n × n × n × 6 tetrahedra, its weight growing over all steps."""
     return tf.Model(
         box(LENGTHS, (2 * n, n, n)),
-        LAW,
-        damping=tf.Rayleigh(ALPHA),
-        density=DENSITY,
+        tf.Tissue(LAW, DENSITY, tf.Rayleigh(ALPHA)),
         fixed=["wall"],
         gravity=GRAVITY,
         gravity_rise=steps * STEP,

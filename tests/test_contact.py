@@ -33,7 +33,12 @@ def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) ->
     """A block that bends under its weight, onto a floor."""
     contacts = {} if contact is None else {"floor": contact}
     return tf.Model(
-        block, tf.Yeoh.buchaillard(), damping=tf.Rayleigh(40.0, 0.01), fixed=["left"], gravity=(0, 0, -9.81), contacts=contacts, **options
+        block,
+        tf.Tissue(tf.Tissue.buchaillard().law, 1000.0, tf.Rayleigh(40.0, 0.01)),
+        fixed=["left"],
+        gravity=(0, 0, -9.81),
+        contacts=contacts,
+        **options,
     )  # type: ignore[arg-type]
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -114,7 +115,7 @@ def test_resume_is_exact(tongue: tf.TongueMesh, scratch: Path) -> None:
 def test_resume_refuses_another_problem(tongue: tf.TongueMesh, scratch: Path) -> None:
     """A checkpoint belongs to its model."""
     simulate(tongue, scratch, 0.005)
-    other = tf.Simulation(tf.Model(tongue, density=900.0), GGP)
+    other = tf.Simulation(tf.Model(tongue, replace(tf.Tissue.calka(), density=900.0)), GGP)
     with pytest.raises(tf.InputError, match="another scenario"):
         other.run(0.01, scratch, resume=True)
 
@@ -148,7 +149,8 @@ def test_failure_is_said_and_saved(block: tf.TongueMesh, scratch: Path) -> None:
 
 def test_free_fall_and_drag(block: tf.TongueMesh, scratch: Path) -> None:
     """A bar under gravity and mass damping: gravity's work goes into energy and heat to within 1 %."""
-    model = tf.Model(block, fixed=["left"], gravity=(0.0, 0.0, -9.81), gravity_rise=0.02, passive=tf.Yeoh.buchaillard())
+    tissue = replace(tf.Tissue.calka(), law=tf.Tissue.buchaillard().law)
+    model = tf.Model(block, tissue, fixed=["left"], gravity=(0.0, 0.0, -9.81), gravity_rise=0.02)
     run = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=tf.Stepping(2e-3)).run(0.06, scratch)
     assert run.probes["end"][-1, 2] < -1e-4
     assert run.summary["energy_balance_error"] < 0.01

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -40,7 +41,9 @@ def test_equilibrium_is_where_motion_ends(block: tf.TongueMesh, scratch: Path) -
     """The quasi-static sag of the block is the one that damped motion comes to rest at."""
     ends = []
     for quasi_static, end in ((True, 0.2), (False, 3.0)):
-        model = tf.Model(block, tf.Yeoh.buchaillard(), damping=tf.Rayleigh(20.0), fixed=["left"], gravity=(0.0, 0.0, -9.81))
+        model = tf.Model(
+            block, tf.Tissue(tf.Tissue.buchaillard().law, 1000.0, tf.Rayleigh(20.0)), fixed=["left"], gravity=(0.0, 0.0, -9.81)
+        )
         stepping = tf.Stepping(step_max=0.05, output_every=end, quasi_static=quasi_static)
         simulation = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-8))
         run = simulation.run(end, scratch / str(quasi_static))
@@ -53,7 +56,8 @@ def test_equilibrium_is_where_motion_ends(block: tf.TongueMesh, scratch: Path) -
 def test_extra_fields(block: tf.TongueMesh, scratch: Path) -> None:
     """Tensors and fibre fields are stored, open as XDMF, and agree with what the run already stores."""
     stepping = tf.Stepping(output_every=0.02, fields=["hencky", "cauchy", "fibre_stretch", "fibre_rate", "active_stress"])
-    model = tf.Model(with_fibres(block), contraction=tf.Contraction("none", tendon_length=0.0), fixed=["left"], sigma_max={"GGP": 3e3})
+    tissue = replace(tf.Tissue.calka(), peak_stress={"GGP": 3e3})
+    model = tf.Model(with_fibres(block), tissue, tf.Contraction("none", tendon_length=0.0), fixed=["left"])
     run = tf.Simulation(model, activation={"GGP_L": lambda t: min(t, 0.02)}, stepping=stepping).run(0.1, scratch)
     h, sigma = run.field("hencky"), run.field("cauchy")
     assert h.shape == sigma.shape == (len(run.field("jacobian")), 3, 3)

@@ -21,11 +21,11 @@ from tongue_fenicsx.testing import with_fibres
 PROBES = {f"corner_{y}{z}": (0.02, 0.01 * y, 0.01 * z) for y in (0, 1) for z in (0, 1)}
 
 
-def hung(block: tf.TongueMesh, suspension: Suspension, mixed: bool = False, **options: object) -> tf.Model:
+def hung(block: tf.TongueMesh, suspension: Suspension, mixed: bool = False, beta: float = 0.0) -> tf.Model:
     """The block between a fixed bone and one on springs, its fibres askew so that they also turn it."""
     muscle = with_fibres(block, (1.0, 0.3, 0.1))
-    law = tf.Yeoh(192.0, 90.0, 0.5 if mixed else 0.49)
-    return tf.Model(muscle, law, fixed=["left"], suspended={"right": suspension}, mixed=mixed, sigma_max={"GGP": 3e3}, **options)  # type: ignore[arg-type]
+    tissue = tf.Tissue(tf.Yeoh(192.0, 90.0, 0.5 if mixed else 0.49), 1000.0, tf.Rayleigh(20.0, beta), {"GGP": 3e3})
+    return tf.Model(muscle, tissue, fixed=["left"], suspended={"right": suspension}, mixed=mixed)
 
 
 @pytest.mark.parallel
@@ -54,8 +54,8 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
     """Pulled all at once by a feeble muscle in light tissue, it swings about its new rest with the period 2π √(m/k)."""
     mass, stiffness = 0.05, 100.0
     model = tf.Model(
-        with_fibres(block), tf.Yeoh(5.0, 0.0), tf.Contraction("none", tendon_length=0.0), tf.Rayleigh(0.0), density=0.1,
-        fixed=["left"], suspended={"right": Suspension(mass, stiffness)}, sigma_max={"GGP": 1.0},
+        with_fibres(block), tf.Tissue(tf.Yeoh(5.0, 0.0), 0.1, peak_stress={"GGP": 1.0}), tf.Contraction("none", tendon_length=0.0),
+        fixed=["left"], suspended={"right": Suspension(mass, stiffness)},
     )  # fmt: skip
     period = 2 * np.pi * np.sqrt(mass / stiffness)
     stepping = tf.Stepping(step_max=period / 200, output_every=1.0, spectral_radius=1.0)
@@ -69,7 +69,7 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
 @pytest.mark.parametrize("mixed", [False, True])
 def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
     """The reduced tangent, with its bending part, leaves of the reduced residual's change what shrinks with the square of the step."""
-    weak = WeakForm(hung(block, Suspension(), mixed, damping=tf.Rayleigh(20.0, 0.01)), ["GGP_L"])
+    weak = WeakForm(hung(block, Suspension(), mixed, 0.01), ["GGP_L"])
     weak.set_time(0.0, {"GGP_L": 0.7})
     weak.frozen = weak.u  # the whole derivative
     scheme = GeneralizedAlpha(weak.u, 0.8, weak.pressure)

@@ -18,8 +18,9 @@ from .mechanics.hyperelasticity import MooneyRivlin as MooneyRivlin
 from .mechanics.hyperelasticity import NeoHookean as NeoHookean
 from .mechanics.hyperelasticity import Yeoh as Yeoh
 from .mechanics.model import Model as Model
-from .mechanics.model import Rayleigh as Rayleigh
 from .mechanics.suspension import Suspension as Suspension
+from .mechanics.tissue import Rayleigh as Rayleigh
+from .mechanics.tissue import Tissue as Tissue
 from .meshing.tongue_mesh import TongueMesh as TongueMesh
 from .runs.run import Run as Run
 from .simulation.simulation import Simulation as Simulation

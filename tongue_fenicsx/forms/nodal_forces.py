@@ -70,7 +70,7 @@ class Forces:
 
     def __init__(self, weak: WeakForm, scheme: Scheme) -> None:
         self._weak, self._scheme = weak, scheme
-        self.mass = Mass(weak.V, weak.model.density)
+        self.mass = Mass(weak.V, weak.model.tissue.density)
         w = ufl.TestFunction(weak.V)
         self._changing = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
         self._packed: list[PackedForm] = []
@@ -96,6 +96,6 @@ class Forces:
     def _inertia(self) -> Floats:
         """M (ü + α v − g)."""
         (v_factor, v_part), (a_factor, a_part) = self._scheme.rates
-        alpha = self._weak.model.damping.alpha
+        alpha = self._weak.model.tissue.damping.alpha
         rate = (a_factor + alpha * v_factor) * self._weak.u.x.array + a_part + alpha * v_part
         return self.mass.times((rate.reshape(-1, 3) - self._weak.gravity.value).ravel())

@@ -13,7 +13,8 @@ from dolfinx import mesh as dmesh
 
 from ..anatomy import catalogue as muscle_facts
 from ..core.types import Expr
-from ..mechanics.hyperelasticity import VOLUMETRIC, bulk_modulus
+from ..mechanics.hyperelasticity import VOLUMETRIC, bulk_modulus, numbers
+from ..mechanics.kinematics import Kinematics
 from ..mechanics.model import Model
 from ..mechanics.suspension import Suspension
 from . import jit, quadrature
@@ -53,7 +54,7 @@ class WeakForm:
         self.u = fem.Function(self.V, name="displacement")
         self.frozen = fem.Function(self.V)
         muscles = {name: tongue.muscles[name] for name in (tongue.muscles if model.contraction.passive_fibres else active)}
-        sigma = muscle_facts.peak_stress(muscles, model.sigma_max)
+        sigma = muscle_facts.peak_stress(muscles, model.tissue.peak_stress)
         degree = model.quadrature_degree
         fade = tendon_factor(model)
         self.slots = FibreSlots(tongue, muscles, sigma, fade, Places.inside(degree))
@@ -62,12 +63,12 @@ class WeakForm:
             self.surface_slots = FibreSlots(tongue, muscles, sigma, fade, Places.corners())
         self.dx = ufl.Measure("dx", mesh, metadata=quadrature.metadata(degree))
         self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
-        passive = model.passive
-        self._constants = {name: self._constant(value) for name, value in passive.parameters.items()}
+        passive = model.tissue.law
+        self._constants = {name: self._constant(value) for name, value in numbers(passive).items()}
         self._mu = self._constant(passive.shear_modulus)
-        self._density = self._constant(model.density)
-        self._alpha = self._constant(model.damping.alpha)
-        self._beta = self._constant(model.damping.beta)
+        self._density = self._constant(model.tissue.density)
+        self._alpha = self._constant(model.tissue.damping.alpha)
+        self._beta = self._constant(model.tissue.damping.beta)
         self.gravity = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
         self._law = model.contraction.with_constants(mesh)
         self.pressure: fem.Function | None = None
@@ -143,16 +144,13 @@ class WeakForm:
 
     def energy_density(self, F: Expr, slots: FibreSlots | None = None) -> Expr:
         """Elastic energy density Ψ in J/m³; in the mixed form Ψ_iso + p (J − 1) − p²/(2κ), stationary in p."""
-        J, C = ufl.det(F), F.T * F
-        I1 = J ** (-2 / 3) * ufl.tr(C)
-        I2 = (I1**2 - J ** (-4 / 3) * ufl.inner(C, C)) / 2
-        passive = self.model.passive
+        k, passive = Kinematics(F), self.model.tissue.law
         stiffness = (slots or self.slots).stiffness if self.model.contraction.stiffening else 1.0
-        isochoric = stiffness * passive.isochoric_energy(I1, I2, self._constants)
+        isochoric = stiffness * passive.isochoric_energy(k, self._constants)
         if self.pressure is None:
-            return isochoric + stiffness * self._kappa * VOLUMETRIC[passive.volumetric](J)
+            return isochoric + stiffness * self._kappa * VOLUMETRIC[passive.volumetric](k.J)
         p = self._stress * self.pressure
-        return isochoric + p * (J - 1) - self._compressibility / stiffness * p**2 / 2
+        return isochoric + p * (k.J - 1) - self._compressibility / stiffness * p**2 / 2
 
     def passive_stress(self, u: Expr, slots: FibreSlots | None = None) -> Expr:
         """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa; `slots` know the stiffening where the stress is taken, by default inside."""
@@ -208,7 +206,7 @@ class WeakForm:
     def inner_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
         """Virtual work of the stresses on `w`."""
         stress = self.passive_stress(u) + self.active_stress(u, v)
-        if self.model.damping.beta > 0:
+        if self.model.tissue.damping.beta > 0:
             stress += self.damping_stress(v)
         return ufl.inner(stress, ufl.grad(w)) * self.dx
 

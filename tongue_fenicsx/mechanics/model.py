@@ -7,35 +7,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..anatomy import catalogue as muscle_facts
 from ..core.errors import InputError
 from ..geometry.rigid_motion import RigidMotion
 from ..meshing.tongue_mesh import TongueMesh
 from .contact import Contact
 from .contraction import Contraction
-from .hyperelasticity import Passive, Yeoh
 from .suspension import Suspension
-
-
-@dataclass(frozen=True)
-class Rayleigh:
-    """Rayleigh damping, α ρ v + β K₀ v with the stiffness K₀ of the rest state.
-
-    Attributes
-    ----------
-    alpha : float
-        Mass damping in 1/s.
-    beta : float
-        Stiffness damping in s.
-    """
-
-    alpha: float = 20.0
-    beta: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, value in (("alpha", self.alpha), ("beta", self.beta)):
-            if not value >= 0:
-                raise InputError(f"rayleigh_{name}: {value}; zero or a positive number is expected.")
+from .tissue import Tissue
 
 
 @dataclass(frozen=True)
@@ -46,16 +24,10 @@ class Model:
     ----------
     tongue : TongueMesh
         Mesh, tags, muscles.
-    passive : Passive
-        Passive law.
+    tissue : Tissue
+        Passive law, density, damping and the peak stress of each muscle.
     contraction : Contraction
         Active law of all muscles.
-    damping : Rayleigh
-        Rayleigh damping.
-    density : float
-        kg/m³ at rest.
-    sigma_max : mapping
-        Peak active stress in Pa by muscle (``GGP``) or muscle and side (``GGP_L``).
     fixed : sequence of str
         Tagged surfaces that do not move.
     moving : mapping
@@ -81,11 +53,8 @@ class Model:
     """
 
     tongue: TongueMesh
-    passive: Passive = field(default_factory=Yeoh.calka)
+    tissue: Tissue = field(default_factory=Tissue.calka)
     contraction: Contraction = field(default_factory=Contraction)
-    damping: Rayleigh = field(default_factory=Rayleigh)
-    density: float = 1000.0
-    sigma_max: Mapping[str, float] = field(default_factory=lambda: muscle_facts.CALKA_STRESS)
     fixed: Sequence[str] = ("mandible", "hyoid")
     moving: Mapping[str, RigidMotion] = field(default_factory=dict)
     suspended: Mapping[str, Suspension] = field(default_factory=dict)
@@ -96,8 +65,6 @@ class Model:
     quadrature_degree: int = 3
 
     def __post_init__(self) -> None:
-        if not self.density > 0:
-            raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
         known = ", ".join(sorted(self.tongue.surfaces))
         for key, names in (("fixed", self.fixed), ("moving", self.moving), ("suspended", self.suspended)):
             for name in names:
@@ -108,13 +75,10 @@ class Model:
                 raise InputError(f"boundary: {name} is named {count} times among fixed, moving and suspended; name it once.")
         if not self.contacts and self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
             raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
-        if not self.mixed and self.passive.nu >= 0.5:
+        if not self.mixed and self.tissue.law.nu >= 0.5:
             raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
-        if self.mixed and self.passive.volumetric != "quadratic":
-            raise InputError(f"volumetric: {self.passive.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
-        for name, value in self.sigma_max.items():
-            if not value >= 0:
-                raise InputError(f"sigma_max: {name} has {value} Pa; zero or a positive stress is expected.")
+        if self.mixed and self.tissue.law.volumetric != "quadratic":
+            raise InputError(f"volumetric: {self.tissue.law.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
 
     @property
     def bonded(self) -> list[str]:

@@ -21,7 +21,7 @@ from ..geometry.surface import SUFFIXES, read_surface
 from ..mechanics.activation import Course, Excited
 from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.model import Model
 from ..mechanics.suspension import Suspension
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
@@ -117,11 +117,8 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
     model = Model(
         tongue,
-        passive=s.law(),
+        tissue=s.tissue_value(),
         contraction=Contraction(**s.muscles.model_dump(exclude={"sigma_max"})),
-        damping=Rayleigh(s.tissue_value("rayleigh_alpha"), s.tissue_value("rayleigh_beta")),
-        density=s.tissue_value("density"),
-        sigma_max=s.sigma_max(),
         fixed=s.boundary.fixed,
         moving={name: section.motion() for name, section in s.boundary.moving.items()},
         suspended={name: Suspension(**section.model_dump()) for name, section in s.boundary.suspended.items()},

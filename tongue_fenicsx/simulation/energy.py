@@ -109,7 +109,7 @@ class Measures:
         self._gradient = fem.Expression(ufl.as_vector([F[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())
         self._elastic = weak.compiled(weak.energy_density(F) * weak.dx)
         self._active = forces.packed(weak.active_work(u, v, w)) if weak.slots.directions else None
-        self._damping = forces.packed(weak.damping_work(v, w)) if weak.model.damping.beta > 0 else None
+        self._damping = forces.packed(weak.damping_work(v, w)) if weak.model.tissue.damping.beta > 0 else None
         pulls = weak.outer_work(u, v, w)
         self._pull = weak.compiled(sum(pulls[1:], pulls[0])) if pulls else None
         self._stiffening = None
@@ -146,7 +146,7 @@ class Measures:
         if self._pull is not None:
             muscle += assembled(self._pull).reshape(-1, 3)
         momentum = mass.times(state.v)
-        drag = self._weak.model.damping.alpha * momentum
+        drag = self._weak.model.tissue.damping.alpha * momentum
         if self._damping is not None:
             drag += self._damping.assemble().reshape(-1, 3)
         reaction = self._forces.unbalanced()

@@ -26,6 +26,7 @@ from ..forms.contact_terms import AUGMENTATIONS
 from ..forms.weak_form import WeakForm
 from ..mechanics.activation import Course, FunctionOfTime
 from ..mechanics.contact import touches_summary
+from ..mechanics.hyperelasticity import numbers
 from ..mechanics.model import Model
 from ..runs.run import Run
 from ..runs.writer import RUN_FILES, RunWriter
@@ -198,8 +199,8 @@ class _Loop:
         """A fingerprint of everything that makes the motion, but not of where it is written or when it ends."""
         model = self.model
         points = self.writer.numbering.points
-        parts: list[Any] = [asdict(getattr(model, n)) for n in ("passive", "contraction", "damping")]  # type: ignore[call-overload]
-        parts += [model.density, dict(model.sigma_max), list(model.fixed), list(model.gravity), model.gravity_rise, model.mixed]
+        parts: list[Any] = [asdict(model.tissue), asdict(model.contraction)]
+        parts += [list(model.fixed), list(model.gravity), model.gravity_rise, model.mixed]
         parts += [{name: asdict(bone) for name, bone in bones.items()} for bones in (model.moving, model.suspended)]  # type: ignore[attr-defined]
         parts += [{name: contact.description for name, contact in model.contacts.items()}]
         parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
@@ -421,17 +422,17 @@ class _Loop:
             "contact": contact,
             "probes": {name: list(map(float, u)) for name, u in zip(probes.names, self.writer.rows[-1]["probes"], strict=True)},
             "model": {
-                "law": type(model.passive).__name__.lower(),
-                **model.passive.parameters,
-                "nu": model.passive.nu,
-                "volumetric": model.passive.volumetric,
+                "law": type(model.tissue.law).__name__.lower(),
+                **numbers(model.tissue.law),
+                "nu": model.tissue.law.nu,
+                "volumetric": model.tissue.law.volumetric,
                 "formulation": "mixed" if model.mixed else "displacement",
-                "density": model.density,
-                "rayleigh_alpha": model.damping.alpha,
-                "rayleigh_beta": model.damping.beta,
+                "density": model.tissue.density,
+                "rayleigh_alpha": model.tissue.damping.alpha,
+                "rayleigh_beta": model.tissue.damping.beta,
                 "force_velocity": model.contraction.force_velocity,
                 "tendon_length_m": model.contraction.tendon_length,
-                "sigma_max": peak_stress(self.simulation.activation, model.sigma_max),
+                "sigma_max": peak_stress(self.simulation.activation, model.tissue.peak_stress),
             },
             "versions": versions(),
         }

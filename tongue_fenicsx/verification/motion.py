@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,8 +23,8 @@ from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
 from ..mechanics.activation import ramp
-from ..mechanics.hyperelasticity import Yeoh
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.model import Model
+from ..mechanics.tissue import Rayleigh, Tissue
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..runs.run import Run
@@ -122,7 +123,8 @@ def decay() -> Iterator[Row]:
     """A soft block released from a small stretch: its lowest mode decays with the rate α/2."""
     alpha = 4.0
     tongue = box((0.02, 0.01, 0.01), (4, 2, 2))
-    model = Model(tongue, Yeoh.calka(), damping=Rayleigh(alpha), fixed=["wall"], gravity=(0.0, 0.0, -0.05), gravity_rise=0.0)
+    tissue = replace(Tissue.calka(), damping=Rayleigh(alpha))
+    model = Model(tongue, tissue, fixed=["wall"], gravity=(0.0, 0.0, -0.05), gravity_rise=0.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(MPI.COMM_WORLD.bcast(folder))
         stepping = Stepping(step_max=2e-3, output_every=1.0, spectral_radius=1.0)
