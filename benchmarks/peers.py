@@ -51,9 +51,7 @@ def model(n: int, steps: int) -> tf.Model:
     """The block with 2 n × n × n × 6 tetrahedra, its weight growing over all steps."""
     return tf.Model(
         box(LENGTHS, (2 * n, n, n)),
-        LAW,
-        damping=tf.Rayleigh(ALPHA),
-        density=DENSITY,
+        tf.Tissue(LAW, DENSITY, tf.Rayleigh(ALPHA)),
         fixed=["wall"],
         gravity=GRAVITY,
         gravity_rise=steps * STEP,
@@ -73,7 +71,7 @@ def ours(n: int, steps: int) -> Peer:
     """The steps alone, without set-up."""
     stepping = tf.Stepping(step_max=STEP, output_every=steps * STEP, spectral_radius=1.0)
     with tempfile.TemporaryDirectory() as folder:
-        run = tf.Simulation(model(n, steps), probes={"tip": LENGTHS}, stepping=stepping).run(steps * STEP, Path(folder) / "run")
+        run = tf.Simulation(model(n, steps), probes={"tip": LENGTHS}, stepping=stepping).run({}, steps * STEP, Path(folder) / "run")
     s = run.summary
     return Peer("tongue_fenicsx", s["newton_iterations"], s["wall_seconds"], -1e3 * float(run.probes["tip"][-1, 2]))
 

@@ -4,8 +4,8 @@
 import tongue_fenicsx as tf
 
 tongue = tf.parametric_tongue().mesh(size=6.4e-3)
-model = tf.Model(tongue, passive=tf.Yeoh.calka(), damping=tf.Rayleigh(alpha=20.0))
-run = tf.Simulation(model, activation={"GGP": tf.ramp(rise=0.1, hold=0.25)}).run(t_end=0.35, output="runs/ggp_python")
+model = tf.Model(tongue, tissue=tf.Tissue.calka())
+run = tf.Simulation(model).run({"GGP": tf.ramp(rise=0.1, hold=0.25)}, t_end=0.35, output="runs/ggp_python")
 run.plot_trajectories()
 
 advance = -1e3 * run.probes["root"][-1, 0]

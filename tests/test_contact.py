@@ -34,7 +34,12 @@ def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) ->
     """A block that bends under its weight, onto a floor."""
     contacts = {} if contact is None else {"floor": contact}
     return tf.Model(
-        block, tf.Yeoh.buchaillard(), damping=tf.Rayleigh(40.0, 0.01), fixed=["left"], gravity=(0, 0, -9.81), contacts=contacts, **options
+        block,
+        tf.Tissue(tf.Tissue.buchaillard().law, 1000.0, tf.Rayleigh(40.0, 0.01)),
+        fixed=["left"],
+        gravity=(0, 0, -9.81),
+        contacts=contacts,
+        **options,
     )  # type: ignore[arg-type]
 
 
@@ -43,8 +48,10 @@ def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) ->
 def test_the_floor_carries(block: tf.TongueMesh, scratch: Path, form: str, mixed: bool) -> None:
     """The block comes to rest on the floor: floor and wall carry its weight, it stays out, and the energies balance."""
     model = sinking(block, Contact(FLOOR, form), mixed=mixed)
-    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(output_every=0.1)).run(0.5, scratch)
-    free = tf.Simulation(sinking(block, None, mixed=mixed), probes=END, stepping=tf.Stepping(output_every=0.1)).run(0.5, scratch / "free")
+    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(output_every=0.1)).run({}, 0.5, scratch)
+    free = tf.Simulation(sinking(block, None, mixed=mixed), probes=END, stepping=tf.Stepping(output_every=0.1)).run(
+        {}, 0.5, scratch / "free"
+    )
     assert free.probes["end"][-1, 2] < -2e-3 < run.probes["end"][-1, 2] < -5e-4
     floor = run.contact["floor"]
     assert floor["force"][-1, 2] > 1e-3
@@ -99,7 +106,7 @@ def test_resume_in_contact(block: tf.TongueMesh, scratch: Path, form: str) -> No
 
     def simulate(folder: Path, end: float, resume: bool = False) -> tf.Run:
         contact = Contact(FLOOR, form, stiffness=0.05, tolerance=0.02e-3 if form == "penalty" else 0.002e-3)
-        return tf.Simulation(sinking(block, contact), probes=END).run(end, folder, resume=resume)
+        return tf.Simulation(sinking(block, contact), probes=END).run({}, end, folder, resume=resume)
 
     whole = simulate(scratch / "whole", 0.2)
     simulate(scratch / "parts", 0.15)
@@ -117,7 +124,7 @@ def test_augmentation(block: tf.TongueMesh, scratch: Path, form: str, stiffness:
     for tolerance in (1.0, tolerated):
         contact = Contact(FLOOR, form, stiffness=stiffness, tolerance=tolerance)
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run(0.1, scratch)
+        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run({}, 0.1, scratch)
         deep.append(run.contact["floor"]["penetration"][-1])
     assert deep[0] > 2 * tolerated
     assert deep[1] < tolerated
@@ -128,7 +135,7 @@ def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.Mon
 
     def simulate(folder: Path) -> tf.Run:
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        return tf.Simulation(sinking(block, Contact(FLOOR)), probes=END, stepping=stepping).run(0.1, folder)
+        return tf.Simulation(sinking(block, Contact(FLOOR)), probes=END, stepping=stepping).run({}, 0.1, folder)
 
     expected = simulate(scratch / "expected")
     right, stiffness = Newton.solve, []

@@ -19,17 +19,19 @@ def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, mon
     def simulate(scale: float) -> set[str]:
         model = tf.Model(
             with_fibres(block),
-            tf.Yeoh(192.0 * scale, 90.0 * scale, 0.49 - 0.01 * scale),
+            tf.Tissue(
+                tf.Yeoh(192.0 * scale, 90.0 * scale, 0.49 - 0.01 * scale),
+                1000.0 * scale,
+                tf.Rayleigh(20.0 * scale, 0.01 * scale),
+                {"GGP": 3e3 * scale},
+            ),
             tf.Contraction(optimal_stretch=scale, tendon_length=1e-3 * scale),
-            tf.Rayleigh(20.0 * scale, 0.01 * scale),
-            density=1000.0 * scale,
-            sigma_max={"GGP": 3e3 * scale},
             fixed=["left"],
             contacts={"floor": tf.Contact(tf.Plane((0.0, 0.0, -1e-3 * scale), (0.0, 0.0, 1.0)))},
             gravity=(0.0, 0.0, -9.81 * scale),
         )
         stepping = tf.Stepping(step_max=2e-3 * scale, output_every=4e-3)
-        tf.Simulation(model, {"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, stepping=stepping).run(4e-3, tmp_path / "run")
+        tf.Simulation(model, stepping=stepping).run({"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, 4e-3, tmp_path / "run")
         return {path.name for path in jit.cache_folder().iterdir()}
 
     compiled = simulate(1.0)

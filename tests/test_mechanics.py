@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from math import factorial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,8 +36,9 @@ def with_entry(block: tf.TongueMesh, direction: tuple[float, float, float] = (1.
     return replace(bar, muscles={"GGP_L": replace(bar.muscles["GGP_L"], entry=pull)})
 
 
-def weak_form(tongue: tf.TongueMesh, active: list[str] | None = None, **options: object) -> WeakForm:
-    return WeakForm(tf.Model(tongue, fixed=["left"], **options), active or [])  # type: ignore[arg-type]
+def weak_form(tongue: tf.TongueMesh, active: list[str] | None = None, tissue: dict[str, Any] | None = None, **options: Any) -> WeakForm:
+    """Of the chapter's tissue, but for what `tissue` changes."""
+    return WeakForm(tf.Model(tongue, replace(tf.Tissue.calka(), **(tissue or {})), fixed=["left"], **options), active or [])
 
 
 LAWS = {
@@ -53,7 +55,7 @@ LAWS = {
 def test_laws_against_closed_forms(block: tf.TongueMesh, name: str, stretch: float) -> None:
     """Uniaxial and biaxial stretch and simple shear without change of volume: Rivlin's formulas for Cauchy stress differences."""
     law, slopes = LAWS[name]
-    weak = weak_form(block, passive=law)
+    weak = weak_form(block, tissue={"law": law})
     s = stretch
 
     def cauchy(F: np.ndarray) -> np.ndarray:
@@ -88,7 +90,7 @@ def test_bad_stiffness(wrong: Callable[[], object]) -> None:
 def test_volumetric_pressure(block: tf.TongueMesh, volumetric: str) -> None:
     """Pure dilatation: the mean stress is κ U′(J), κ = 2 C₁₀/(1 − 2ν)."""
     law = tf.Yeoh(192.0, 90.0, 0.49, volumetric)
-    weak = weak_form(block, passive=law)
+    weak = weak_form(block, tissue={"law": law})
     F = 1.05 * np.eye(3)
     homogeneous(weak, F)
     J = 1.05**3
@@ -107,7 +109,7 @@ def test_rotation_is_free_of_stress(block: tf.TongueMesh) -> None:
 
 def test_patch(block: tf.TongueMesh) -> None:
     """A homogeneous deformation imposed on the boundary leaves no force inside (patch test, to round-off)."""
-    weak = weak_form(block, passive=tf.Yeoh(192.0, 90.0, 0.4))
+    weak = weak_form(block, tissue={"law": tf.Yeoh(192.0, 90.0, 0.4)})
     F = np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.02], [0.03, 0.0, 1.02]])
     homogeneous(weak, F)
     w = ufl.TestFunction(weak.V)
@@ -137,7 +139,7 @@ def test_isometric_bar(block: tf.TongueMesh, stretch: float, optimal: float) -> 
         with_fibres(block),
         ["GGP_L"],
         contraction=tf.Contraction(force_velocity="none", tendon_length=0.0, optimal_stretch=optimal),
-        sigma_max={"GGP": 5e3},
+        tissue={"peak_stress": {"GGP": 5e3}},
     )
     weak.slots.activate({"GGP_L": 0.7})
     F = np.diag([stretch, stretch**-0.5, stretch**-0.5])
@@ -156,7 +158,10 @@ HILL = {0.0: 1.0, -7.5: 0.0, -9.0: 0.0, -1.5: 0.8 / 1.8, 100.0: 1.4963}
 def test_isokinetic_bar(block: tf.TongueMesh, law: str, rate: float, factor: float) -> None:
     """At optimal length the force follows f_V of the isochoric stretch rate; values of Perrier 2003 and of Hill's hyperbola."""
     weak = weak_form(
-        with_fibres(block), ["GGP_L"], contraction=tf.Contraction(force_velocity=law, tendon_length=0.0), sigma_max={"GGP": 1e3}
+        with_fibres(block),
+        ["GGP_L"],
+        contraction=tf.Contraction(force_velocity=law, tendon_length=0.0),
+        tissue={"peak_stress": {"GGP": 1e3}},
     )
     weak.slots.activate({"GGP_L": 1.0})
     homogeneous(weak, np.eye(3))
@@ -192,10 +197,8 @@ def check_tangent(block: tf.TongueMesh, law: object, contraction: tf.Contraction
     weak = weak_form(
         with_entry(block, (1.0, 0.4, -0.2)),
         ["GGP_L"],
-        passive=law,
+        {"law": law, "damping": tf.Rayleigh(20.0, 0.01), "peak_stress": {"GGP": 3e3}},
         contraction=contraction,
-        damping=tf.Rayleigh(20.0, 0.01),
-        sigma_max={"GGP": 3e3},
     )
     weak.load(1.0, {"GGP_L": 0.6})
     rng = np.random.default_rng(1)
@@ -235,7 +238,7 @@ def test_overlapping_muscles_add(block: tf.TongueMesh) -> None:
     both = tf.TongueMesh(block.mesh, block.facet_tags, block.surfaces, {"GGP_L": along, "TRANS_L": across}, {}, "bar")
     P = {}
     for active in (["GGP_L"], ["TRANS_L"], ["GGP_L", "TRANS_L"]):
-        weak = weak_form(both, active, contraction=tf.Contraction(tendon_length=0.0), sigma_max={"GGP": 2e3, "TRANS": 1e3})
+        weak = weak_form(both, active, contraction=tf.Contraction(tendon_length=0.0), tissue={"peak_stress": {"GGP": 2e3, "TRANS": 1e3}})
         weak.slots.activate(dict.fromkeys(active, 1.0))
         homogeneous(weak, np.diag([0.9, 1.05, 1.0]))
         P["+".join(active)] = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
@@ -266,7 +269,7 @@ def test_tendon_carries_tension(block: tf.TongueMesh, stretch: float, tension: f
 
 def test_pull_from_outside(block: tf.TongueMesh) -> None:
     """At rest the pull is 0.7 × peak stress × activation × area, toward the anchor; nearer by 5 % it follows force–length."""
-    weak = weak_form(with_entry(block), ["GGP_L"], sigma_max={"GGP": 3e3}, contraction=tf.Contraction("none"))
+    weak = weak_form(with_entry(block), ["GGP_L"], tissue={"peak_stress": {"GGP": 3e3}}, contraction=tf.Contraction("none"))
     weak.load(1.0, {"GGP_L": 0.4})
     form = fem.form(sum(weak.outer_work(weak.u, 0 * weak.u, ufl.TestFunction(weak.V))))
 
@@ -285,19 +288,21 @@ def test_pull_from_outside(block: tf.TongueMesh) -> None:
 def test_passive_fibres(block: tf.TongueMesh, stretch: float, tension: float) -> None:
     """Blemker's passive curve, 0.05 (exp(6.6 (λ − 1)) − 1) to λ = 1.4, then its tangent, in fibres at rest too."""
     options = {"force_velocity": "none", "tendon_length": 0.0}
-    weak = weak_form(with_fibres(block), [], sigma_max={"GGP": 3e3}, contraction=tf.Contraction(passive_fibres=True, **options))
+    weak = weak_form(
+        with_fibres(block), [], tissue={"peak_stress": {"GGP": 3e3}}, contraction=tf.Contraction(passive_fibres=True, **options)
+    )
     weak.load(0.0, {})
     homogeneous(weak, np.diag([stretch, stretch**-0.5, stretch**-0.5]))
     P = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
     assert P[0, 0] == pytest.approx(3e3 * tension * 2 / 3, abs=1e-6)
-    without = weak_form(with_fibres(block), [], sigma_max={"GGP": 3e3}, contraction=tf.Contraction(**options))
+    without = weak_form(with_fibres(block), [], tissue={"peak_stress": {"GGP": 3e3}}, contraction=tf.Contraction(**options))
     assert without.slots.names == []
 
 
 def test_plain_fibre_stress(block: tf.TongueMesh) -> None:
     """Without the isochoric split the fibre stress is uniaxial, T f_L(λ) F a₀ ⊗ a₀/λ with the plain stretch."""
     contraction = tf.Contraction("none", tendon_length=0.0, deviatoric=False)
-    weak = weak_form(with_fibres(block), ["GGP_L"], sigma_max={"GGP": 3e3}, contraction=contraction)
+    weak = weak_form(with_fibres(block), ["GGP_L"], tissue={"peak_stress": {"GGP": 3e3}}, contraction=contraction)
     weak.load(0.0, {"GGP_L": 0.5})
     homogeneous(weak, np.diag([1.1, 1.2, 0.8]))
     P = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
@@ -331,4 +336,4 @@ def test_quadrature_is_positive_and_exact(degree: int) -> None:
 
 def test_bulk_modulus() -> None:
     """The chapter's κ: 19.2 kPa for its tissue."""
-    assert bulk_modulus(tf.Yeoh.calka()) == pytest.approx(19.2e3)
+    assert bulk_modulus(tf.Tissue.calka().law) == pytest.approx(19.2e3)

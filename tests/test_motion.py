@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_a_free_block_follows_its_bone(block: tf.TongueMesh, scratch: Path, mixe
     motion = tf.RigidMotion([(0.1, 0.0, 40.0)], [(0.1, (0, 0, 0), (0, 1e-3, 0))])
     model = tf.Model(block, fixed=[], moving={"left": motion}, mixed=mixed)
     stepping = tf.Stepping(step_max=0.01, output_every=0.1, quasi_static=True)
-    run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=TIGHT).run(0.1, scratch)
+    run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=TIGHT).run({}, 0.1, scratch)
     np.testing.assert_allclose(run.probes["end"][-1], motion.displacement(np.array([END["end"]]), 0.1)[0], atol=1e-8)
     assert abs(run.support["left"][-1]).max() < 1e-8
     assert abs(run.energy["support_work"][-1]) < 1e-9
@@ -61,8 +62,9 @@ def test_a_free_block_follows_its_bone(block: tf.TongueMesh, scratch: Path, mixe
 def test_stretched_between_bones(block: tf.TongueMesh, scratch: Path) -> None:
     """The work of the moving bone is stored or dissipated; at rest both bones pull alike, and together they carry the weight."""
     motion = tf.RigidMotion(translation=[(0.1, (0, 0, 0), (2e-3, 0, 0))])
-    model = tf.Model(block, fixed=["left"], moving={"right": motion}, gravity=(0.0, 0.0, -9.81), damping=tf.Rayleigh(80.0))
-    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(step_max=5e-3), tolerances=TIGHT).run(1.2, scratch)
+    tissue = replace(tf.Tissue.calka(), damping=tf.Rayleigh(80.0))
+    model = tf.Model(block, tissue, fixed=["left"], moving={"right": motion}, gravity=(0.0, 0.0, -9.81))
+    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(step_max=5e-3), tolerances=TIGHT).run({}, 1.2, scratch)
     np.testing.assert_allclose(run.probes["end"][-1], [2e-3, 0, 0], atol=1e-12)
     assert run.summary["energy_balance_error"] < 0.01
     assert run.energy["support_work"][-1] + run.energy["gravity_work"][-1] > run.energy["elastic"][-1] > 1e-5
@@ -77,10 +79,11 @@ def test_mixed_and_moving_resume_exactly(block: tf.TongueMesh, scratch: Path) ->
 
     def simulate(folder: Path, end: float, resume: bool = False) -> tf.Run:
         motion = tf.RigidMotion([(0.06, 0.0, 20.0)])
-        model = tf.Model(with_fibres(block), tf.Yeoh(192.0, 90.0, 0.5), fixed=[], moving={"left": motion}, mixed=True)
+        tissue = replace(tf.Tissue.calka(), law=tf.Yeoh(192.0, 90.0, 0.5))
+        model = tf.Model(with_fibres(block), tissue, fixed=[], moving={"left": motion}, mixed=True)
         stepping = tf.Stepping(tolerance=1e-3)
-        simulation = tf.Simulation(model, {"GGP_L": tf.ramp(0.05, 0.1, 0.5)}, END, stepping)
-        return simulation.run(end, folder, resume=resume)
+        simulation = tf.Simulation(model, END, stepping)
+        return simulation.run({"GGP_L": tf.ramp(0.05, 0.1, 0.5)}, end, folder, resume=resume)
 
     whole = simulate(scratch / "whole", 0.06)
     simulate(scratch / "parts", 0.03)
@@ -97,9 +100,11 @@ def test_mixed_is_accurate_when_incompressible(scratch: Path) -> None:
     sag = []
     for tongue, nu, mixed in ((coarse, 0.4, False), (coarse, 0.4, True), (coarse, 0.499, False), (coarse, 0.499, True),
                               (coarse, 0.5, True), (fine, 0.5, True)):  # fmt: skip
-        model = tf.Model(tongue, tf.Yeoh(1037.0, 486.0, nu), fixed=["wall"], gravity=(0, 0, -9.81), mixed=mixed)
+        model = tf.Model(
+            tongue, tf.Tissue(tf.Yeoh(1037.0, 486.0, nu), 1000.0, tf.Rayleigh(20.0)), fixed=["wall"], gravity=(0, 0, -9.81), mixed=mixed
+        )
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6)).run(0.1, scratch)
+        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6)).run({}, 0.1, scratch)
         sag.append(-run.probes["end"][-1][2])
     assert sag[1] == pytest.approx(sag[0], rel=0.02)
     assert sag[2] < 0.95 * sag[3]
@@ -111,9 +116,9 @@ def test_forms_that_do_not_fit(block: tf.TongueMesh) -> None:
     """ν = 0.5 needs the mixed form, which has no barrier; a surface either stays or moves; it must exist."""
     motion = tf.RigidMotion([(0.1, 0.0, 10.0)])
     with pytest.raises(tf.InputError, match=r"nu: 0\.5 needs the mixed form"):
-        tf.Model(block, tf.Yeoh(1.0, 1.0, 0.5), fixed=["left"])
+        tf.Model(block, tf.Tissue(tf.Yeoh(1.0, 1.0, 0.5), 1000.0), fixed=["left"])
     with pytest.raises(tf.InputError, match="'barrier' is not known to the mixed form"):
-        tf.Model(block, tf.Yeoh(1.0, 1.0, 0.49, "barrier"), fixed=["left"], mixed=True)
+        tf.Model(block, tf.Tissue(tf.Yeoh(1.0, 1.0, 0.49, "barrier"), 1000.0), fixed=["left"], mixed=True)
     with pytest.raises(tf.InputError, match="left is named 2 times"):
         tf.Model(block, fixed=["left"], moving={"left": motion})
     with pytest.raises(tf.InputError, match=r"boundary\.moving: the mesh has no surface 'jaw'; it has free, left, right"):
@@ -124,9 +129,10 @@ def test_smaller_tolerance_smaller_error(block: tf.TongueMesh, scratch: Path) ->
     """Steps grow and shrink with the motion, and the error follows the tolerance."""
 
     def simulate(tolerance: float | None, step: float) -> tf.Run:
-        model = tf.Model(block, tf.Yeoh.buchaillard(), fixed=["left"], gravity=(0, 0, -9.81), gravity_rise=0.02)
+        tissue = replace(tf.Tissue.calka(), law=tf.Tissue.buchaillard().law)
+        model = tf.Model(block, tissue, fixed=["left"], gravity=(0, 0, -9.81), gravity_rise=0.02)
         stepping = tf.Stepping(step_max=step, output_every=0.3, tolerance=tolerance)
-        return tf.Simulation(model, probes=END, stepping=stepping).run(0.3, scratch)
+        return tf.Simulation(model, probes=END, stepping=stepping).run({}, 0.3, scratch)
 
     exact = simulate(None, 1e-3).probes["end"][-1]
     coarse, fine = simulate(1e-2, 0.1), simulate(1e-3, 0.1)
@@ -169,7 +175,7 @@ def test_scenario(block: tf.TongueMesh, workspace: Path) -> None:
     block.comm.barrier()
     model = simulation_of(load(path), workspace).model
     assert model.mixed
-    assert model.passive.nu == 0.5
+    assert model.tissue.law.nu == 0.5
     assert model.gravity == (9.81, 0.0, 0.0)
     np.testing.assert_allclose(model.moving["left"].displacement(np.array([[-0.04, 0.0, 0.0]]), 1.0), [[0, 0, 1e-3]], atol=1e-12)
     assert load(path, ["boundary={}"]).boundary.fixed == ["mandible", "hyoid"]

@@ -11,7 +11,7 @@ import pytest
 import tongue_fenicsx as tf
 from tongue_fenicsx.forms.weak_form import WeakForm
 from tongue_fenicsx.mechanics.suspension import Suspension
-from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton
@@ -22,11 +22,11 @@ from tongue_fenicsx.testing import with_fibres
 PROBES = {f"corner_{y}{z}": (0.02, 0.01 * y, 0.01 * z) for y in (0, 1) for z in (0, 1)}
 
 
-def hung(block: tf.TongueMesh, suspension: Suspension, mixed: bool = False, **options: object) -> tf.Model:
+def hung(block: tf.TongueMesh, suspension: Suspension, mixed: bool = False, beta: float = 0.0) -> tf.Model:
     """The block between a fixed bone and one on springs, its fibres askew so that they also turn it."""
     muscle = with_fibres(block, (1.0, 0.3, 0.1))
-    law = tf.Yeoh(192.0, 90.0, 0.5 if mixed else 0.49)
-    return tf.Model(muscle, law, fixed=["left"], suspended={"right": suspension}, mixed=mixed, sigma_max={"GGP": 3e3}, **options)  # type: ignore[arg-type]
+    tissue = tf.Tissue(tf.Yeoh(192.0, 90.0, 0.5 if mixed else 0.49), 1000.0, tf.Rayleigh(20.0, beta), {"GGP": 3e3})
+    return tf.Model(muscle, tissue, fixed=["left"], suspended={"right": suspension}, mixed=mixed)
 
 
 @pytest.mark.parallel
@@ -36,7 +36,7 @@ def test_rigid_and_in_equilibrium(block: tf.TongueMesh, scratch: Path, mixed: bo
     stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
     tight = tf.Tolerances(rtol=1e-9, atol=1e-13, linear=1e-7, max_newton=30)
     model = hung(block, Suspension(stiffness=300.0), mixed)
-    run = tf.Simulation(model, {"GGP_L": tf.ramp(0.1, 0.1)}, PROBES, stepping, tight).run(0.1, scratch)
+    run = tf.Simulation(model, PROBES, stepping, tight).run({"GGP_L": tf.ramp(0.1, 0.1)}, 0.1, scratch)
     corners = np.array(list(PROBES.values()))
     moved = corners + np.array([run.probes[name][-1] for name in PROBES])
 
@@ -55,13 +55,13 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
     """Pulled all at once by a feeble muscle in light tissue, it swings about its new rest with the period 2π √(m/k)."""
     mass, stiffness = 0.05, 100.0
     model = tf.Model(
-        with_fibres(block), tf.Yeoh(5.0, 0.0), tf.Contraction("none", tendon_length=0.0), tf.Rayleigh(0.0), density=0.1,
-        fixed=["left"], suspended={"right": Suspension(mass, stiffness)}, sigma_max={"GGP": 1.0},
+        with_fibres(block), tf.Tissue(tf.Yeoh(5.0, 0.0), 0.1, peak_stress={"GGP": 1.0}), tf.Contraction("none", tendon_length=0.0),
+        fixed=["left"], suspended={"right": Suspension(mass, stiffness)},
     )  # fmt: skip
     period = 2 * np.pi * np.sqrt(mass / stiffness)
     stepping = tf.Stepping(step_max=period / 200, output_every=1.0, spectral_radius=1.0)
     tight = tf.Tolerances(rtol=1e-8, atol=1e-14, linear=1e-6)
-    run = tf.Simulation(model, {"GGP_L": lambda t: 1.0}, PROBES, stepping, tight).run(period, scratch)
+    run = tf.Simulation(model, PROBES, stepping, tight).run({"GGP_L": lambda t: 1.0}, period, scratch)
     x = np.mean([path[:, 0] for path in run.probes.values()], axis=0)
     np.testing.assert_allclose(x, x.min() / 2 * (1 - np.cos(2 * np.pi * run.time / period)), atol=0.01 * abs(x.min()))
 
@@ -70,7 +70,7 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
 @pytest.mark.parametrize("mixed", [False, True])
 def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
     """The reduced tangent, with its bending part, leaves of the reduced residual's change what shrinks with the square of the step."""
-    weak = WeakForm(hung(block, Suspension(), mixed, damping=tf.Rayleigh(20.0, 0.01)), ["GGP_L"])
+    weak = WeakForm(hung(block, Suspension(), mixed, 0.01), ["GGP_L"])
     weak.load(0.0, {"GGP_L": 0.7})
     weak.frozen = weak.u  # the whole derivative
     scheme = GeneralizedAlpha(weak.u, 0.8, weak.pressure)
@@ -93,11 +93,11 @@ def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
         start.copy(here)
         here.axpy(step, direction)
         b = x.duplicate()
-        newton._assemble_residual(newton._snes, here, b)
+        newton._form_residual(newton._snes, here, b)
         return np.array(b.array_r)
 
     rest = residual(0.0)
-    newton._assemble_tangent(newton._snes, here, newton._operator, newton._operator)
+    newton._form_tangent(newton._snes, here, newton._operator, newton._operator)
     change = direction.duplicate()
     newton._operator.mult(direction, change)
     left = [block.comm.allreduce(float(((residual(h) - rest - h * change.array_r) ** 2).sum())) ** 0.5 for h in (1e-3, 5e-4)]
@@ -110,7 +110,7 @@ def test_resume(block: tf.TongueMesh, scratch: Path) -> None:
     """A run goes on as if it had not been stopped."""
 
     def simulate(folder: Path, end: float, resume: bool = False) -> tf.Run:
-        return tf.Simulation(hung(block, Suspension()), {"GGP_L": tf.ramp(0.05, 0.1)}, PROBES).run(end, folder, resume=resume)
+        return tf.Simulation(hung(block, Suspension()), PROBES).run({"GGP_L": tf.ramp(0.05, 0.1)}, end, folder, resume=resume)
 
     whole = simulate(scratch / "whole", 0.06)
     simulate(scratch / "parts", 0.03)
@@ -129,7 +129,7 @@ def test_hyoid_of_a_tongue(tongue_file: Path) -> None:
     simulation = simulation_of(load(path), path.parent)
     assert list(simulation.model.fixed) == ["mandible"]
     assert simulation.model.suspended == {"hyoid": Suspension(5e-3, 500.0, 0.0)}
-    run = simulation.run(0.05, path.parent / "hyoid")
+    run = simulation.run(activation_of(load(path)), 0.05, path.parent / "hyoid")
     assert run.probes["hyoid"][-1, 0] < -1e-4
     assert run.summary["energy_balance_error"] < 0.01
     assert run.energy["support_work"][-1] < 0  # into the springs

@@ -44,8 +44,8 @@ def test_rows_hold(name: str) -> None:
 def _stiffer(patch: pytest.MonkeyPatch) -> None:
     right = passive.Yeoh.isochoric_energy
 
-    def wrong(self: passive.Yeoh, I1: Any, I2: Any, parameters: Any) -> Any:
-        return right(self, I1, I2, {**parameters, "c10": 1.05 * parameters["c10"]})
+    def wrong(self: passive.Yeoh, k: Any, parameters: Any) -> Any:
+        return right(self, k, {**parameters, "c10": 1.05 * parameters["c10"]})
 
     patch.setattr(passive.Yeoh, "isochoric_energy", wrong)
 
@@ -79,7 +79,8 @@ def _more_damping(patch: pytest.MonkeyPatch) -> None:
     right = forces.Forces.__init__
 
     def wrong(self: forces.Forces, weak: model.WeakForm, scheme: Any) -> None:
-        weak.model = replace(weak.model, damping=replace(weak.model.damping, alpha=1.05 * weak.model.damping.alpha))
+        tissue = weak.model.tissue
+        weak.model = replace(weak.model, tissue=replace(tissue, damping=replace(tissue.damping, alpha=1.05 * tissue.damping.alpha)))
         right(self, weak, scheme)
 
     patch.setattr(forces.Forces, "__init__", wrong)
@@ -119,7 +120,7 @@ def _larger_ball(patch: pytest.MonkeyPatch) -> None:
 
 def _stiffer_neo_hookean(patch: pytest.MonkeyPatch) -> None:
     right = passive.NeoHookean.isochoric_energy
-    patch.setattr(passive.NeoHookean, "isochoric_energy", lambda self, I1, I2, parameters: 1.05 * right(self, I1, I2, parameters))
+    patch.setattr(passive.NeoHookean, "isochoric_energy", lambda self, k, parameters: 1.05 * right(self, k, parameters))
 
 
 def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:

@@ -61,7 +61,7 @@ def box(
     surfaces: Mapping[str, Where] | None = None,
     volumes: Mapping[str, Where] | None = None,
 ) -> TongueMesh:
-    """A box from the origin in m, with surfaces ``wall`` (x = 0), further ones, and ``free``; its volumes are the cells that lie in them."""
+    """A box from the origin in m, with surfaces ``wall`` (x = 0), further ones, and ``free``; volumes have the cells that lie in them."""
     mesh = dmesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.array(lengths)], divisions)
     mesh.topology.create_connectivity(2, 3)
     facets = dmesh.exterior_facet_indices(mesh.topology)

@@ -148,7 +148,9 @@ def run(
     simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
-            result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded.in_metres()))
+            result = simulation.run(
+                assemble.activation_of(loaded), loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded.in_metres())
+            )
     except KeyboardInterrupt:
         if comm.rank == 0:
             errors.print(f"interrupted; everything so far is in {output}, go on with --resume")
@@ -191,6 +193,7 @@ def report(
 @app.command()
 def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], changes: Changes = None) -> None:
     """Validate a scenario and say what would run, without running."""
+    from ..mechanics.hyperelasticity import numbers
     from ..scenario import build as assemble
     from ..scenario.files import load
 
@@ -200,10 +203,11 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
     model, tongue = simulation.model, simulation.model.tongue
     n_cells = tongue.mesh.topology.index_map(3).size_global
     console.print(f"{scenario} is fine: {tongue.name}, {n_cells} tetrahedra, surfaces {', '.join(sorted(tongue.surfaces))}")
-    law = ", ".join(f"{name} {value:g} Pa" for name, value in model.passive.parameters.items())
-    console.print(f"tissue {loaded.tissue.preset}: {law}, nu {model.passive.nu:g}, density {model.density:g} kg/m³")
-    for name, course in simulation.activation.items():
-        stress = model.sigma_max.get(name, model.sigma_max.get(name.split("_")[0], 0.0))
+    tissue = model.tissue
+    law = ", ".join(f"{name} {value:g} Pa" for name, value in numbers(tissue.law).items())
+    console.print(f"tissue {loaded.tissue.preset}: {law}, nu {tissue.law.nu:g}, density {tissue.density:g} kg/m³")
+    for name, course in assemble.activation_of(loaded).items():
+        stress = tissue.peak_stress.get(name, tissue.peak_stress.get(name.split("_")[0], 0.0))
         ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
         console.print(f"{name}: {ends}, at most {stress / 1e3:g} kPa")
     for name, motion in model.moving.items():
@@ -324,8 +328,8 @@ def postures(
 
 def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
     """Check what calibrate, atlas and verify have in common; return the preset."""
+    from ..mechanics.tissue import TISSUES
     from ..meshing.build import PRESETS
-    from ..scenario.schema import TISSUES
 
     if mesh is not None and preset is not None:
         raise InputError("--mesh and --preset: give one of them.")

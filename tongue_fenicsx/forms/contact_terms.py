@@ -219,8 +219,8 @@ class ContactSet:
         return {f: d for term in self.terms.values() for f, d in ((term.gap, term.normal), (term.normal, term.curvature))}
 
     def work(self, stress: Expr | None, rest_stress: Expr, w: Expr, ds: ufl.Measure) -> dict[str, Expr]:
-        """Virtual work of each obstacle on `w`, with the stress in the tongue (for Nitsche's method) and that of `w` as a small displacement
-        from rest, both in Pa."""
+        """Virtual work of each obstacle on `w`, with the stress in the tongue (for Nitsche's method) and that of `w` as a small
+        displacement from rest, both in Pa."""
         N = ufl.FacetNormal(self._mesh)
         works = {}
         for name, term in self.terms.items():

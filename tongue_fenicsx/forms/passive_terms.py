@@ -11,7 +11,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from ..core.types import Expr
-from ..mechanics.hyperelasticity import VOLUMETRIC, PassiveLaw, bulk_modulus
+from ..mechanics.hyperelasticity import VOLUMETRIC, Passive, bulk_modulus, numbers
 from ..mechanics.kinematics import Kinematics
 from ..mechanics.model import Model
 
@@ -20,7 +20,7 @@ from ..mechanics.model import Model
 class _Part:
     """A law with its numbers as constants of a form: shear modulus in Pa, compressibility (1 − 2ν)/μ in 1/Pa, bulk modulus in Pa."""
 
-    law: PassiveLaw
+    law: Passive
     parameters: dict[str, fem.Constant]
     shear: fem.Constant
     compressibility: fem.Constant
@@ -49,7 +49,7 @@ class PassiveTerms:
             return fem.Constant(mesh, default_scalar_type(0.0))
 
         self._parts = [
-            _Part(law, {name: constant() for name in law.parameters}, constant(), constant(), constant())
+            _Part(law, {name: constant() for name in numbers(law)}, constant(), constant(), constant())
             for law in (model.tissue.law, *model.regions.values())
         ]
         self.stress_scale = constant()
@@ -62,7 +62,7 @@ class PassiveTerms:
     def renew(self, model: Model, edge: float) -> None:
         """Take the numbers of a model with laws of the same kinds; `edge` (m) is typical of its mesh."""
         for part, law in zip(self._parts, (model.tissue.law, *model.regions.values()), strict=True):
-            for name, value in law.parameters.items():
+            for name, value in numbers(law).items():
                 part.parameters[name].value = value
             part.shear.value = law.shear_modulus
             part.compressibility.value = (1 - 2 * law.nu) / law.shear_modulus

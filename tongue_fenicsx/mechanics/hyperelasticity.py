@@ -6,16 +6,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 import ufl
 
 from ..core.errors import InputError
 from ..core.types import Expr
+from .kinematics import Kinematics
 
 
 class Passive(Protocol):
-    """An isotropic hyperelastic law; its numbers become constants of the form, so changing them compiles nothing."""
+    """A hyperelastic law: any dataclass with these members; its numbers become constants of the form, so changing them compiles nothing."""
 
     @property
     def nu(self) -> float:
@@ -29,12 +30,8 @@ class Passive(Protocol):
     def shear_modulus(self) -> float:
         """Shear modulus at rest in Pa."""
 
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The numbers of `isochoric_energy` in Pa."""
-
-    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
-        """Energy density in J/m³ of the isochoric invariants Ī₁ = tr C̄ and Ī₂ = (Ī₁² − tr C̄²)/2."""
+    def isochoric_energy(self, k: Kinematics, parameters: Mapping[str, Expr]) -> Expr:
+        """Energy density in J/m³ without that of the volume; `parameters` are the law's `numbers` as they stand in the form."""
 
 
 VOLUMETRIC: dict[str, Callable[[Expr], Expr]] = {
@@ -62,11 +59,6 @@ class _Law:
             elif not (0 <= value < math.inf and (value > 0 or item.name != "c10")):
                 least = "a positive" if item.name == "c10" else "zero or a positive"
                 raise InputError(f"{item.name}: {value} Pa; {least} stiffness in Pa is expected.")
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The stiffnesses in Pa."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.name not in ("nu", "volumetric")}
 
 
 @dataclass(frozen=True)
@@ -98,29 +90,14 @@ class Yeoh(_Law):
     volumetric: str = "quadratic"
     c30: float = 0.0
 
-    @classmethod
-    def calka(cls) -> Yeoh:
-        """Fresh cadaver tongue by indentation (Gerard 2005), as in the chapter."""
-        return cls(c10=192.0, c20=90.0)
-
-    @classmethod
-    def buchaillard(cls) -> Yeoh:
-        """Living tissue: Gerard's scaled to muscle at rest (Buchaillard 2009)."""
-        return cls(c10=1037.0, c20=486.0)
-
-    @classmethod
-    def kappert(cls) -> Yeoh:
-        """E = 1638 Pa in vivo by aspiration (Kappert 2021), C₂₀/C₁₀ as Gerard."""
-        return cls(c10=273.0, c20=128.0)
-
     @property
     def shear_modulus(self) -> float:
         """Shear modulus at rest, 2 C₁₀, in Pa."""
         return 2 * self.c10
 
-    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+    def isochoric_energy(self, k: Kinematics, parameters: Mapping[str, Expr]) -> Expr:
         """C₁₀(Ī₁−3) + C₂₀(Ī₁−3)² + C₃₀(Ī₁−3)³."""
-        x = I1 - 3
+        x = k.I1 - 3
         return x * (parameters["c10"] + x * (parameters["c20"] + x * parameters["c30"]))
 
 
@@ -145,9 +122,9 @@ class NeoHookean(_Law):
         """Shear modulus at rest, 2 C₁₀, in Pa."""
         return 2 * self.c10
 
-    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+    def isochoric_energy(self, k: Kinematics, parameters: Mapping[str, Expr]) -> Expr:
         """C₁₀(Ī₁−3)."""
-        return parameters["c10"] * (I1 - 3)
+        return parameters["c10"] * (k.I1 - 3)
 
 
 @dataclass(frozen=True)
@@ -172,9 +149,9 @@ class MooneyRivlin(_Law):
         """Shear modulus at rest, 2(C₁₀ + C₀₁), in Pa."""
         return 2 * (self.c10 + self.c01)
 
-    def isochoric_energy(self, I1: Expr, I2: Expr, parameters: Mapping[str, Expr]) -> Expr:
+    def isochoric_energy(self, k: Kinematics, parameters: Mapping[str, Expr]) -> Expr:
         """C₁₀(Ī₁−3) + C₀₁(Ī₂−3)."""
-        return parameters["c10"] * (I1 - 3) + parameters["c01"] * (I2 - 3)
+        return parameters["c10"] * (k.I1 - 3) + parameters["c01"] * (k.I2 - 3)
 
 
 LAWS: dict[str, type[Yeoh] | type[NeoHookean] | type[MooneyRivlin]] = {
@@ -183,6 +160,12 @@ LAWS: dict[str, type[Yeoh] | type[NeoHookean] | type[MooneyRivlin]] = {
     "mooney_rivlin": MooneyRivlin,
 }
 """Passive laws by the name that a scenario gives."""
+
+
+def numbers(law: Any) -> dict[str, float]:
+    """The numbers of a law but Poisson's ratio, which only the volume knows."""
+    values = {item.name: getattr(law, item.name) for item in fields(law) if item.name != "nu"}
+    return {name: value for name, value in values.items() if isinstance(value, int | float)}
 
 
 def bulk_modulus(passive: Passive) -> float:

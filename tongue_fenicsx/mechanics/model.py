@@ -4,38 +4,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from ..anatomy import catalogue as muscle_facts
 from ..core.errors import InputError
+from ..core.types import Floats
 from ..geometry.rigid_motion import RigidMotion
 from ..meshing.tongue_mesh import TongueMesh
 from .contact import Contact
 from .contraction import Contraction
-from .hyperelasticity import Passive, Yeoh
+from .hyperelasticity import Passive
+from .loads import Pressure
 from .suspension import Suspension
-
-
-@dataclass(frozen=True)
-class Rayleigh:
-    """Rayleigh damping, α ρ v + β K₀ v with the stiffness K₀ of the rest state.
-
-    Attributes
-    ----------
-    alpha : float
-        Mass damping in 1/s.
-    beta : float
-        Stiffness damping in s.
-    """
-
-    alpha: float = 20.0
-    beta: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, value in (("alpha", self.alpha), ("beta", self.beta)):
-            if not value >= 0:
-                raise InputError(f"rayleigh_{name}: {value}; zero or a positive number is expected.")
+from .tissue import Tissue
 
 
 @dataclass(frozen=True)
@@ -46,16 +27,14 @@ class Model:
     ----------
     tongue : TongueMesh
         Mesh, tags, muscles.
-    passive : Passive
-        Passive law.
+    tissue : Tissue
+        Passive law, density, damping and the peak stress of each muscle.
     contraction : Contraction
         Active law of all muscles.
-    damping : Rayleigh
-        Rayleigh damping.
-    density : float
-        kg/m³ at rest.
-    sigma_max : mapping
-        Peak active stress in Pa by muscle (``GGP``) or muscle and side (``GGP_L``).
+    regions : mapping
+        Physical volumes of the mesh that have a passive law of their own, to it.
+    fibre : (3,) sequence of float or callable, optional
+        What passive laws see as the fibre direction at rest, of any length: the same everywhere, or a function of points (n, 3) in m.
     fixed : sequence of str
         Tagged surfaces that do not move.
     moving : mapping
@@ -67,6 +46,8 @@ class Model:
         to ν = 0.5; otherwise it comes from the change of volume.
     contacts : mapping
         Obstacles by name, and how the tongue meets them.
+    loads : mapping
+        Tagged surfaces to the loads on them.
     gravity : (3,) sequence of float
         Acceleration in m/s².
     gravity_rise : float
@@ -77,46 +58,70 @@ class Model:
     Raises
     ------
     InputError
-        If a bonded surface is not in the mesh, the mixed form does not know the law, or a number is out of range.
+        If a surface or a region is not in the mesh, the mixed form does not know the law, or a number is out of range.
     """
 
     tongue: TongueMesh
-    passive: Passive = field(default_factory=Yeoh.calka)
+    tissue: Tissue = field(default_factory=Tissue.calka)
     contraction: Contraction = field(default_factory=Contraction)
-    damping: Rayleigh = field(default_factory=Rayleigh)
-    density: float = 1000.0
-    sigma_max: Mapping[str, float] = field(default_factory=lambda: muscle_facts.CALKA_STRESS)
+    regions: Mapping[str, Passive] = field(default_factory=dict)
+    fibre: Sequence[float] | Callable[[Floats], Floats] | None = None
     fixed: Sequence[str] = ("mandible", "hyoid")
     moving: Mapping[str, RigidMotion] = field(default_factory=dict)
     suspended: Mapping[str, Suspension] = field(default_factory=dict)
     mixed: bool = False
     contacts: Mapping[str, Contact] = field(default_factory=dict)
+    loads: Mapping[str, Pressure] = field(default_factory=dict)
     gravity: Sequence[float] = (0.0, 0.0, 0.0)
     gravity_rise: float = 0.1
     quadrature_degree: int = 3
 
     def __post_init__(self) -> None:
-        if not self.density > 0:
-            raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
         known = ", ".join(sorted(self.tongue.surfaces))
         for key, names in (("fixed", self.fixed), ("moving", self.moving), ("suspended", self.suspended)):
             for name in names:
                 if name not in self.tongue.surfaces:
                     raise InputError(f"boundary.{key}: the mesh has no surface {name!r}; it has {known}.")
+        for name in self.loads:
+            if name not in self.tongue.surfaces:
+                raise InputError(f"load.{name}: the mesh has no surface {name!r}; it has {known}.")
+        for name in self.regions:
+            self.tongue.region(name)
         for name, count in Counter(self.bonded).items():
             if count > 1:
                 raise InputError(f"boundary: {name} is named {count} times among fixed, moving and suspended; name it once.")
         if not self.contacts and self.tongue.comm.allreduce(len(self.tongue.facets(self.bonded))) == 0:
             raise InputError(f"boundary.fixed: nothing is fixed, the tongue would float away; name one or more of {known}.")
-        if not self.mixed and self.passive.nu >= 0.5:
-            raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
-        if self.mixed and self.passive.volumetric != "quadratic":
-            raise InputError(f"volumetric: {self.passive.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
-        for name, value in self.sigma_max.items():
-            if not value >= 0:
-                raise InputError(f"sigma_max: {name} has {value} Pa; zero or a positive stress is expected.")
+        for law in self.laws:
+            if not self.mixed and law.nu >= 0.5:
+                raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
+            if self.mixed and law.volumetric != "quadratic":
+                raise InputError(f"volumetric: {law.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
 
     @property
     def bonded(self) -> list[str]:
         """Surfaces on bone, fixed, moving and suspended."""
         return [*self.fixed, *self.moving, *self.suspended]
+
+    @property
+    def laws(self) -> list[Passive]:
+        """The passive law of the tissue, then those of the regions."""
+        return [self.tissue.law, *self.regions.values()]
+
+    @property
+    def kinks(self) -> list[float]:
+        """Times in s that a step must end on: of moving bones and obstacles, loads, and the rise of gravity."""
+        motions = [*self.moving.values(), *(contact.motion for contact in self.contacts.values() if contact.motion is not None)]
+        times = [kink for part in (*motions, *self.loads.values()) for kink in part.kinks]
+        return [*times, self.gravity_rise] if any(self.gravity) else times
+
+    @property
+    def structure(self) -> list[object]:
+        """What forms and solvers are built from: models that have it in common differ in numbers only, which change without building."""
+        named = (self.moving, self.suspended, self.contacts, self.loads)
+        parts = [(name, id(value)) for values in named for name, value in values.items()]
+        laws = [(type(law), law.volumetric) for law in self.laws]
+        contraction = replace(self.contraction, optimal_stretch=1.0, tendon_length=0.0)
+        damped = self.tissue.damping.beta > 0
+        which = [id(self.tongue), id(self.fibre), list(self.regions), list(self.fixed)]
+        return [*which, parts, laws, contraction, self.mixed, damped, self.quadrature_degree]

@@ -21,14 +21,14 @@ from ..geometry.surface import SUFFIXES, read_surface
 from ..mechanics.activation import Course, Excited
 from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.model import Model
 from ..mechanics.suspension import Suspension
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..simulation.simulation import Simulation
 from ..simulation.stepping import Stepping
 from ..solvers.tolerances import Tolerances
-from .schema import ActivationSection, ContactSection, MeshSection, Scenario
+from .schema import ContactSection, MeshSection, Scenario
 
 MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
 """What a run folder keeps of a mesh that was built for it."""
@@ -117,11 +117,8 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
     model = Model(
         tongue,
-        passive=s.law(),
+        tissue=s.tissue_value(),
         contraction=Contraction(**s.muscles.model_dump(exclude={"sigma_max"})),
-        damping=Rayleigh(s.tissue_value("rayleigh_alpha"), s.tissue_value("rayleigh_beta")),
-        density=s.tissue_value("density"),
-        sigma_max=s.sigma_max(),
         fixed=s.boundary.fixed,
         moving={name: section.motion() for name, section in s.boundary.moving.items()},
         suspended={name: Suspension(**section.model_dump()) for name, section in s.boundary.suspended.items()},
@@ -134,13 +131,15 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     step_min = min(1e-5, step_max) if s.time.step_min is None else s.time.step_min
     return Simulation(
         model,
-        {name: _course(s, section) for name, section in s.activation.items()},
         s.probes,
         Stepping(step_max, step_min, s.time.spectral_radius, s.output.every, s.time.quasi_static, s.output.fields, s.time.tolerance),
         Tolerances(s.solver.rtol, s.solver.atol, s.solver.linear, s.solver.max_newton),
     )
 
 
-def _course(s: Scenario, section: ActivationSection) -> Course:
-    course = section.course()
-    return course if s.excitation is None else Excited(course, s.excitation.rise, s.excitation.fall)
+def activation_of(scenario: Scenario) -> dict[str, Course]:
+    """What moves the muscles of a scenario; reads the tables that it names."""
+    courses = {name: section.course() for name, section in scenario.activation.items()}
+    if scenario.excitation is None:
+        return dict(courses)
+    return {name: Excited(course, scenario.excitation.rise, scenario.excitation.fall) for name, course in courses.items()}

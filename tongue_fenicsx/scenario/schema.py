@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ..anatomy import catalogue as muscles
 from ..anatomy.parametric.size import TongueShape
 from ..anatomy.parametric.tongue import SPLITTABLE
 from ..geometry.rigid_motion import RigidMotion
@@ -18,8 +17,10 @@ from ..mechanics import hyperelasticity as passive
 from ..mechanics.activation import Activation
 from ..mechanics.contact import FORMS
 from ..mechanics.contraction import FORCE_VELOCITY
+from ..mechanics.tissue import TISSUES, Rayleigh, Tissue
 from ..meshing.build import PRESETS
-from ..simulation.fields import EXTRA_FIELDS
+from ..simulation import fields as _standard_fields  # noqa: F401  they register themselves
+from ..simulation.quantities import FIELDS
 
 Number = Annotated[float, Field(strict=True)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -28,15 +29,6 @@ NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 Flag = Annotated[bool, Field(strict=True)]
 Seconds = Annotated[float, Field(strict=True, ge=1e-6, le=100)]
 """Times that make sense for a tongue, so that no run is endless by a slip."""
-
-TISSUES: dict[str, dict[str, float]] = {
-    "calka": {"density": 1000.0, "rayleigh_alpha": 20.0, "rayleigh_beta": 0.0},
-    "buchaillard": {"density": 1040.0, "rayleigh_alpha": 40.0, "rayleigh_beta": 0.03},
-    "kappert": {"density": 1040.0, "rayleigh_alpha": 20.0, "rayleigh_beta": 0.0},
-}
-"""Density in kg/m³ and Rayleigh damping in 1/s and s that go with each passive preset: the chapter; Buchaillard 2009;
-Kappert 2021 with the chapter's damping."""
-
 
 POSTURES = {"upright": (0.0, 0.0, -9.81), "supine": (9.81, 0.0, 0.0)}
 """Gravity in m/s² by the posture of the head: z points up, x to the back of the head."""
@@ -246,7 +238,7 @@ class OutputSection(Section):
     """Time in s between stored fields, and which beside the usual ones."""
 
     every: Annotated[float, Field(strict=True, ge=1e-4, le=100)] = 0.01
-    fields: list[Annotated[str, one_of(EXTRA_FIELDS)]] = []
+    fields: list[Annotated[str, one_of(FIELDS)]] = []
 
 
 class SolverSection(Section):
@@ -334,21 +326,16 @@ class Scenario(Section):
             }
         )
 
-    def law(self) -> passive.Passive:
-        """The passive law with the preset's numbers where none is given."""
-        kind = passive.LAWS[self.tissue.law]
-        base = asdict(getattr(passive.Yeoh, self.tissue.preset)()) | {"c01": 0.0}
-        given = {name: value for name in (*base, "volumetric") if (value := getattr(self.tissue, name)) is not None}
-        return kind(**{item.name: (base | given)[item.name] for item in fields(kind)})
-
-    def tissue_value(self, name: str) -> float:
-        """Density or Rayleigh damping, given or of the preset."""
-        value = getattr(self.tissue, name)
-        return float(TISSUES[self.tissue.preset][name] if value is None else value)
-
-    def sigma_max(self) -> dict[str, float]:
-        """Peak stress in Pa by muscle: the tissue's table with the scenario's values in place."""
-        return muscles.PEAK_STRESS[self.tissue.preset] | self.muscles.sigma_max
+    def tissue_value(self) -> Tissue:
+        """The tissue: the preset with the scenario's values in place."""
+        given, preset = self.tissue, TISSUES[self.tissue.preset]
+        kind = passive.LAWS[given.law]
+        base = asdict(preset.law) | {"c01": 0.0}  # type: ignore[call-overload]
+        numbers = {item.name: base[item.name] if (value := getattr(given, item.name)) is None else value for item in fields(kind)}
+        alpha, beta = given.rayleigh_alpha, given.rayleigh_beta
+        damping = Rayleigh(preset.damping.alpha if alpha is None else alpha, preset.damping.beta if beta is None else beta)
+        density = preset.density if given.density is None else given.density
+        return Tissue(kind(**numbers), density, damping, {**preset.peak_stress, **self.muscles.sigma_max}, preset.source)
 
 
 def _metres(point: Point) -> Point:

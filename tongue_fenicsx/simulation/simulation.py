@@ -166,7 +166,7 @@ class Simulation:
     def _identify(self, control: Control, t_end: float) -> dict[str, str]:
         """Fingerprint of each part of what makes the motion, but not of where it is written or when it ends."""
         parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest, "activation": control}
-        return self.model.fingerprint() | {name: fingerprint(value, t_end) for name, value in parts.items()}
+        return {name: fingerprint(value, t_end) for name, value in parts.items()}
 
 
 def _control(activation: Activation) -> Control:

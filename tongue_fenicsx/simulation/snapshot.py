@@ -58,7 +58,7 @@ class Snapshot:
         self._sensors, self._weak, self._comm = sensors, sensors.equations.weak, sensors.equations.weak.V.mesh.comm
         self._state = state = sensors.equations.state
         self.t, self.h, self.u, self.v, self.levels = state.t, state.h, state.u, state.v, dict(levels)
-        self.mean_velocity = state.average
+        self.mean_velocity = sensors.equations.scheme.mean_velocity
 
     @property
     def _live(self) -> Sensors:

@@ -13,6 +13,7 @@ from ..anatomy.catalogue import peak_stress
 from ..core.memory import peak_memory
 from ..core.types import Floats
 from ..core.versions import versions
+from ..mechanics.hyperelasticity import numbers
 from ..mechanics.model import Model
 from ..runs.history import History
 from ..runs.numbering import Numbering
@@ -137,7 +138,7 @@ def _model(end: Ending) -> dict[str, Any]:
     model, tissue = end.model, end.model.tissue
     return {
         "law": type(tissue.law).__name__.lower(),
-        **tissue.law.parameters,
+        **numbers(tissue.law),
         "nu": tissue.law.nu,
         "volumetric": tissue.law.volumetric,
         "formulation": "mixed" if model.mixed else "displacement",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -77,8 +78,8 @@ class LinearSolvers:
         """Make a solver anew when it is next asked for: one whose set-up failed would remember the failure."""
         self._made.pop(rung).destroy()
 
-    def solver(self, rung: str) -> PETSc.KSP:
-        """A solver of the ladder; the tangent must have been assembled once."""
+    def solver(self, rung: str, prepare: Callable[[], None]) -> PETSc.KSP:
+        """A solver of the ladder; `prepare` assembles the tangent at the present unknowns, if the solver must see it to be made."""
         if rung not in self._made:
             ksp = PETSc.KSP().create(self._A.getComm())
             ksp.setOptionsPrefix(f"{self._options.prefix}{rung.replace('+', '_')}_")
@@ -92,6 +93,7 @@ class LinearSolvers:
                 ksp.setPCSide(PETSc.PC.Side.LEFT if rung.startswith("cg") else PETSc.PC.Side.RIGHT)
                 ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)  # of the forces, as Newton's method is judged
                 if rung.endswith("schur"):
+                    prepare()
                     self._set_schur(ksp)
                 else:
                     self._set_multigrid(ksp.getPC())

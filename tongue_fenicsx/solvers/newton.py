@@ -117,10 +117,7 @@ class Newton:
             self._x.array[:] = np.concatenate([values[:n] for values, n in zip(guess, self._sizes, strict=True)])
             if self._bodies is not None:
                 self._bodies.begin(guess[0].reshape(-1, 3), self._x)
-            if rung.endswith("schur"):  # its set-up needs a tangent
-                self._evaluate(self._x, self._b)
-                self._form_tangent(None, self._x, None, None)
-            self._snes.setKSP(self._linear.solver(rung))
+            self._snes.setKSP(self._linear.solver(rung, self._prepare))
             if self._search is not None:
                 self._search.forget()
             self._snes.solve(None, self._x)
@@ -168,6 +165,11 @@ class Newton:
             if self._bodies is not None:
                 self._bodies.residual(b)
             b.array[self._weak.fixed_dofs] = 0.0
+
+    def _prepare(self) -> None:
+        """Assemble what the set-up of a linear solver needs to see."""
+        self._evaluate(self._x, self._b)
+        self._form_tangent(self._snes, self._x, self._operator, self._operator)
 
     def _form_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         if self._search is None or not self._search.recall(x, b):

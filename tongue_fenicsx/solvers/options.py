@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import weakref
 from collections.abc import Mapping
 from itertools import count
 
@@ -26,6 +27,7 @@ class SolverOptions:
     def __init__(self) -> None:
         self.prefix = f"tongue_{next(_numbers)}_"
         self._keys: list[str] = []
+        self._clear = weakref.finalize(self, _delete, self._keys)
         for key, value in PETSc.Options().getAll().items():
             if key.startswith("tongue_") and not re.match(r"tongue_\d+_", key):
                 self.put(self.prefix, {key.removeprefix("tongue_"): value})
@@ -39,7 +41,10 @@ class SolverOptions:
                 self._keys.append(prefix + key)
 
     def clear(self) -> None:
-        """Take the options out again."""
-        for key in self._keys:
-            PETSc.Options().delValue(key)
-        self._keys = []
+        """Take the options out again; so does the end of the solver or of the process."""
+        self._clear()
+
+
+def _delete(keys: list[str]) -> None:
+    for key in keys:
+        PETSc.Options().delValue(key)

@@ -118,6 +118,11 @@ class GeneralizedAlpha(_Scheme):
         velocity = float(self._v_factor.value), self._v_part.x.array
         return velocity, (float(self._a_factor.value), self._a_part.x.array)
 
+    @property
+    def mean_velocity(self) -> Floats:
+        """Of the last step, in m/s."""
+        return self.state.average
+
     def restore(self, state: State) -> None:
         """Go back to a state; `v` and `acceleration` are its own until a step begins."""
         super().restore(state)
@@ -175,6 +180,11 @@ class QuasiStatic(_Scheme):
     def rates(self) -> tuple[tuple[float, Floats], tuple[float, Floats]]:
         """As of `GeneralizedAlpha`: nil."""
         return (0.0, self._nil.x.array), (0.0, self._nil.x.array)
+
+    @property
+    def mean_velocity(self) -> Floats:
+        """As of `GeneralizedAlpha`: nil."""
+        return self._nil.x.array
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h`; the first guess goes on as the last step went."""

@@ -13,10 +13,10 @@ from pathlib import Path
 from mpi4py import MPI
 
 from ..analysis.movement import Movement, movement
-from ..anatomy.catalogue import PEAK_STRESS
 from ..core.errors import SolveError
 from ..core.parallel import on_rank_zero
 from ..core.tables import markdown
+from ..mechanics.tissue import TISSUES
 from ..runs.run import Run
 from ..simulation.stepping import Report
 from . import single_muscle as solo
@@ -117,7 +117,7 @@ def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[
     for column, names in muscles.items():
         walls = solo.walls_in(column.mesh)
         for name in names:
-            stress = column.factor * PEAK_STRESS[column.tissue][name]
+            stress = column.factor * TISSUES[column.tissue].peak_stress[name]
             case = solo.scenario(name, column.mesh, column.tissue, stress, column.level, walls)
             measured: Movement | None = None
             try:

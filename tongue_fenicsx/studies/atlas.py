@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..analysis.movement import single_muscle_row
-from ..anatomy.catalogue import CATALOGUE, PEAK_STRESS
+from ..anatomy.catalogue import CATALOGUE
 from ..core.tables import markdown
+from ..mechanics.tissue import TISSUES
 from ..runs.run import Run
 from ..simulation.stepping import Report
 from . import single_muscle as solo
@@ -56,7 +57,7 @@ def movements(
     runs = {}
     walls = solo.walls_in(mesh)
     for name in muscles:
-        case = solo.scenario(name, mesh, tissue, PEAK_STRESS[tissue][name], walls=walls)
+        case = solo.scenario(name, mesh, tissue, TISSUES[tissue].peak_stress[name], walls=walls)
         runs[name], how = solo.moved(case, folder / name, report)
         say(f"{name}: {how}")
     return runs

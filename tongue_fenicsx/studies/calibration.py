@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from ..core.errors import InputError, SolveError
 from ..core.versions import versions
-from ..scenario.build import simulation_of
+from ..scenario.build import activation_of, simulation_of
 from ..simulation.stepping import Report
 from . import single_muscle as solo
 
@@ -150,7 +150,11 @@ def calibrate(
             def strain(stress: float, muscle: str = muscle) -> float:
                 case = solo.scenario(muscle, mesh, tissue, stress)
                 try:
-                    reached = float(simulation_of(case, folder).run(case.time.end, folder, report=report).summary["hencky_von_mises_max"])
+                    reached = float(
+                        simulation_of(case, folder)
+                        .run(activation_of(case), case.time.end, folder, report=report)
+                        .summary["hencky_von_mises_max"]
+                    )
                 except SolveError:
                     say(f"{muscle}: {1e-3 * stress:g} kPa, the solve fails")
                     raise

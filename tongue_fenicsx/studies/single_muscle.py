@@ -16,7 +16,7 @@ from ..core.parallel import on_rank_zero
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..runs.run import Run
-from ..scenario.build import anatomy_of, simulation_of, size_of
+from ..scenario.build import activation_of, anatomy_of, simulation_of, size_of
 from ..scenario.files import dump
 from ..scenario.schema import MeshSection, Scenario
 from ..simulation.stepping import Report
@@ -126,7 +126,7 @@ def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[R
     text = dump(case)
     if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
         return Run(folder), "already there"
-    simulation_of(case, folder).run(case.time.end, folder, report=report, scenario=text)
+    simulation_of(case, folder).run(activation_of(case), case.time.end, folder, report=report, scenario=text)
     run = Run(folder)
     return run, f"{run.summary['wall_seconds']:.0f} s"
 

@@ -17,7 +17,8 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..core.types import Floats
 from ..mechanics.hyperelasticity import Yeoh, bulk_modulus
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.model import Model
+from ..mechanics.tissue import Rayleigh, Tissue
 from ..runs.numbering import Numbering
 from ..simulation.simulation import Simulation
 from ..simulation.stepping import Stepping
@@ -38,13 +39,13 @@ def calculix() -> Iterator[Row]:
     for kind, end, step in (("static", 1.0, 0.05), ("dynamic", 0.3, 1e-3)):
         static = kind == "static"
         model = Model(
-            tongue, law, damping=Rayleigh(alpha), density=density, fixed=["wall"],
+            tongue, Tissue(law, density, Rayleigh(alpha)), fixed=["wall"],
             gravity=(0.0, 0.0, -9.81), gravity_rise=1.0 if static else 0.1,
         )  # fmt: skip
         with tempfile.TemporaryDirectory() as folder:
             path = Path(MPI.COMM_WORLD.bcast(folder))
             stepping = Stepping(step_max=step, output_every=end / 10, quasi_static=static, spectral_radius=0.9)
-            run = Simulation(model, probes={"tip": probe}, stepping=stepping, tolerances=Tolerances(rtol=1e-8)).run(end, path / "run")
+            run = Simulation(model, probes={"tip": probe}, stepping=stepping, tolerances=Tolerances(rtol=1e-8)).run({}, end, path / "run")
             t, ours = run.time, run.probes["tip"][:, 2]
             theirs = run_calculix(model, probe, static, end, step, path) if MPI.COMM_WORLD.rank == 0 else None
             theirs = MPI.COMM_WORLD.bcast(theirs)
@@ -66,7 +67,7 @@ def run_calculix(model: Model, probe: tuple[float, float, float], static: bool, 
     points, cells = numbering.points, numbering.cells
     assert points is not None
     assert cells is not None
-    law = model.passive
+    law = model.tissue.law
     assert isinstance(law, Yeoh)
     tip = int(np.argmin(np.linalg.norm(points - probe, axis=1)))
     lines = ["*NODE, NSET=ALL", *(f"{i + 1}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(points))]
@@ -74,7 +75,8 @@ def run_calculix(model: Model, probe: tuple[float, float, float], static: bool, 
     lines += ["*NSET, NSET=WALL", *(str(i + 1) for i in np.flatnonzero(points[:, 0] < 1e-9)), "*NSET, NSET=TIP", str(tip + 1)]
     constants = f"{law.c10}, {law.c20}, {law.c30}, {2 / bulk_modulus(law):.12g}, 1e12, 1e12"  # D₂ = 0 would be replaced by a default
     lines += ["*MATERIAL, NAME=TISSUE", "*HYPERELASTIC, YEOH", constants]
-    lines += ["*DENSITY", f"{model.density}", f"*DAMPING, ALPHA={model.damping.alpha}", "*SOLID SECTION, ELSET=BODY, MATERIAL=TISSUE"]
+    tissue = model.tissue
+    lines += ["*DENSITY", f"{tissue.density}", f"*DAMPING, ALPHA={tissue.damping.alpha}", "*SOLID SECTION, ELSET=BODY, MATERIAL=TISSUE"]
     lines += ["*AMPLITUDE, NAME=RISE", f"0., 0., {model.gravity_rise}, 1., 100., 1.", "*BOUNDARY", "WALL, 1, 3"]
     lines += ["*STEP, NLGEOM, INC=100000", "*STATIC, DIRECT" if static else "*DYNAMIC, DIRECT, ALPHA=0.", f"{step}, {end}"]
     lines += ["*DLOAD, AMPLITUDE=RISE", "BODY, GRAV, 9.81, 0., 0., -1."]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +23,9 @@ from ..geometry.obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
 from ..geometry.rigid_motion import RigidMotion
 from ..geometry.surface import Surface
 from ..mechanics.contact import Contact
-from ..mechanics.contraction import Contraction
-from ..mechanics.hyperelasticity import NeoHookean, Yeoh
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.hyperelasticity import NeoHookean
+from ..mechanics.model import Model
+from ..mechanics.tissue import Rayleigh, Tissue
 from ..meshing.tongue_mesh import TongueMesh
 from ..runs.run import Run
 from ..simulation.simulation import Simulation
@@ -45,7 +46,7 @@ def tangent() -> Iterator[Row]:
     ball = Sphere((0.012, 0.005, -0.0102), 0.01)
     for form, theta in FORMS:
         weak = WeakForm(Model(
-            block, Yeoh.calka(), Contraction(), Rayleigh(20.0, 0.01), fixed=["wall"], sigma_max={"GGP": 3e3},
+            block, replace(Tissue.calka(), damping=Rayleigh(20.0, 0.01), peak_stress={"GGP": 3e3}), fixed=["wall"],
             contacts={"ball": Contact(ball, form, theta)},
         ), ["GGP_L"])  # fmt: skip
         weak.load(1.0, {"GGP_L": 0.6})
@@ -81,7 +82,7 @@ def pressed() -> Iterator[Row]:
     size, stretch = 0.01, 0.9
     lid = Plane((0, 0, size), (0, 0, -1))
     for theta in (0, 1, -1):
-        weak = WeakForm(Model(box((size,) * 3, (2, 2, 2)), Yeoh.calka(), fixed=[], contacts={"lid": Contact(lid, theta=theta)}), [])
+        weak = WeakForm(Model(box((size,) * 3, (2, 2, 2)), fixed=[], contacts={"lid": Contact(lid, theta=theta)}), [])
         weak.bcs[:] = [roller(weak, axis) for axis in range(3)]
         homogeneous(weak, np.diag([1.04, 1.04, 0.91]))  # a guess
         _place(weak, "lid", (0.0, 0.0, (stretch - 1) * size))
@@ -115,7 +116,7 @@ def hertz(divisions: tuple[int, ...] = (8, 16)) -> Iterator[Row]:
     errors = []
     for n in divisions:
         block = _quarter(n, 20 * reach)
-        weak = WeakForm(Model(block, law, fixed=["far"], contacts={"ball": Contact(Sphere((0, 0, radius), radius))}), [])
+        weak = WeakForm(Model(block, Tissue(law, 1000.0), fixed=["far"], contacts={"ball": Contact(Sphere((0, 0, radius), radius))}), [])
         given = fem.Function(weak.V)
         given.interpolate(lambda X: np.where(np.linalg.norm(X, axis=0) > reach, far(np.where(X == 0, 1e-12, X)), 0.0))
         nodes = weak.supports["far"]
@@ -147,7 +148,7 @@ def incline(end: float = 0.1) -> Iterator[Row]:
     gravity = 9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     block = box((0.02, 0.01, 0.01), (4, 2, 2))
     model = Model(
-        block, Yeoh.buchaillard(), damping=Rayleigh(0.0), fixed=[], gravity=gravity.tolist(), gravity_rise=0.0,
+        block, Tissue(Tissue.buchaillard().law, 1000.0), fixed=[], gravity=gravity.tolist(), gravity_rise=0.0,
         contacts={"plane": Contact(Plane((0, 0, 0), (0, 0, 1)), "penalty")},
     )  # fmt: skip
     stepping = Stepping(step_max=5e-4, output_every=end, spectral_radius=1.0)
@@ -164,7 +165,7 @@ def incline(end: float = 0.1) -> Iterator[Row]:
 def _run(model: Model, probes: dict[str, tuple[float, float, float]], stepping: Stepping, end: float) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(MPI.COMM_WORLD.bcast(folder))
-        run = Simulation(model, probes=probes, stepping=stepping, tolerances=Tolerances(rtol=1e-6)).run(end, path)
+        run = Simulation(model, probes=probes, stepping=stepping, tolerances=Tolerances(rtol=1e-6)).run({}, end, path)
         MPI.COMM_WORLD.barrier()
     return run
 
@@ -184,7 +185,7 @@ def triangles() -> Iterator[Row]:
     times, forces = np.linspace(0, 0.15, 31), []
     for ball in balls:
         met = {"ball": Contact(ball, motion=path)}
-        model = Model(block, Yeoh.buchaillard(), fixed=["wall"], contacts=met)
+        model = Model(block, replace(Tissue.calka(), law=Tissue.buchaillard().law), fixed=["wall"], contacts=met)
         run = _run(model, {}, Stepping(step_max=5e-3, output_every=5e-3, quasi_static=True), 0.15)
         forces.append(np.array([np.interp(times, run.time, column) for column in run.contact["ball"]["force"].T]).T)
     largest = np.linalg.norm(forces[0], axis=1).max()

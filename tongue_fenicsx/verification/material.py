@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import ufl
@@ -15,8 +16,9 @@ from ..core.errors import SolveError
 from ..core.types import Expr, Floats
 from ..forms.weak_form import WeakForm
 from ..mechanics.contraction import Contraction
-from ..mechanics.hyperelasticity import NeoHookean, Yeoh
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.hyperelasticity import NeoHookean
+from ..mechanics.model import Model
+from ..mechanics.tissue import Rayleigh, Tissue
 from ..simulation.probes import Probes
 from ..solvers.equations import Equations
 from ..solvers.newton import Newton
@@ -124,7 +126,8 @@ def cook(n: int = 16) -> Iterator[Row]:
     panel = box((length, wall, thickness), (n, n, 1))
     x = panel.mesh.geometry.x
     x[:, 1] = wall * x[:, 0] / length + x[:, 1] / wall * (wall + (end - wall) * x[:, 0] / length)
-    weak = LoadedForm(Model(panel, NeoHookean(80.1938e6 / 2, 0.4999), fixed=["wall"], mixed=True), [], lambda X: X[0] > length - 1e-9)
+    model = Model(panel, Tissue(NeoHookean(80.1938e6 / 2, 0.4999), 1000.0), fixed=["wall"], mixed=True)
+    weak = LoadedForm(model, [], lambda X: X[0] > length - 1e-9)
     weak.bcs.append(roller(weak, 2, 0.0, thickness))
     newton = Newton(Equations(weak, QuasiStatic(weak.u, weak.pressure)), Tolerances(rtol=1e-8, atol=1e-6, linear=1e-6), lambda line: None)
     for share in (0.25, 0.5, 0.75, 1.0):
@@ -147,8 +150,9 @@ def taylor() -> Iterator[Row]:
         for shortening in (False, True):
             contraction = Contraction(passive_fibres=True, stiffening=True, tendon_length=6e-3)
             weak = WeakForm(Model(
-                with_fibres(box((0.02, 0.01, 0.01), (3, 2, 2)), (1.0, 0.4, -0.2)), Yeoh.calka(), contraction,
-                Rayleigh(20.0, 0.01), fixed=["wall"], gravity=(0.0, 0.0, -9.81), sigma_max={"GGP": 3e3}, mixed=mixed,
+                with_fibres(box((0.02, 0.01, 0.01), (3, 2, 2)), (1.0, 0.4, -0.2)),
+                replace(Tissue.calka(), damping=Rayleigh(20.0, 0.01), peak_stress={"GGP": 3e3}), contraction,
+                fixed=["wall"], gravity=(0.0, 0.0, -9.81), mixed=mixed,
             ), ["GGP_L"])  # fmt: skip
             weak.load(1.0, {"GGP_L": 0.6})
             homogeneous(weak, np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.04], [0.03, 0.0, 1.02]]))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,8 +23,8 @@ from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
 from ..mechanics.activation import ramp
-from ..mechanics.hyperelasticity import Yeoh
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.model import Model
+from ..mechanics.tissue import Rayleigh, Tissue
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..runs.run import Run
@@ -122,14 +123,15 @@ def decay() -> Iterator[Row]:
     """A soft block released from a small stretch: its lowest mode decays with the rate α/2."""
     alpha = 4.0
     tongue = box((0.02, 0.01, 0.01), (4, 2, 2))
-    model = Model(tongue, Yeoh.calka(), damping=Rayleigh(alpha), fixed=["wall"], gravity=(0.0, 0.0, -0.05), gravity_rise=0.0)
+    tissue = replace(Tissue.calka(), damping=Rayleigh(alpha))
+    model = Model(tongue, tissue, fixed=["wall"], gravity=(0.0, 0.0, -0.05), gravity_rise=0.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(MPI.COMM_WORLD.bcast(folder))
         stepping = Stepping(step_max=2e-3, output_every=1.0, spectral_radius=1.0)
         simulation = Simulation(
             model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=Tolerances(rtol=1e-8, atol=1e-14)
         )
-        run = simulation.run(1.2, path)
+        run = simulation.run({}, 1.2, path)
         t, z = run.time, run.probes["end"][:, 2]
         MPI.COMM_WORLD.barrier()
 
@@ -158,7 +160,7 @@ def contraction(end: float = 0.35, step: float = 5e-3) -> Iterator[Row]:
         model = Model(TongueMesh.read(_tongue(home, 8e-3)))
         for refinement in (1, 2, 4):
             stepping = Stepping(step_max=step / refinement, output_every=end)
-            run = Simulation(model, {"GGP": ramp(0.1, 0.25)}, stepping=stepping).run(end, home / "run")
+            run = Simulation(model, stepping=stepping).run({"GGP": ramp(0.1, 0.25)}, end, home / "run")
             moved = np.hstack([run.probes[name] for name in ("tip", "dorsum", "root")])
             paths.append([np.interp(times, run.time, column) for column in moved.T])
             if refinement == 1:

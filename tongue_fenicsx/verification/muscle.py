@@ -15,7 +15,8 @@ from ..core.errors import SolveError
 from ..core.types import Floats
 from ..mechanics.contraction import Contraction
 from ..mechanics.hyperelasticity import Yeoh
-from ..mechanics.model import Model, Rayleigh
+from ..mechanics.model import Model
+from ..mechanics.tissue import Tissue
 from ..solvers.equations import Equations
 from ..solvers.newton import Newton
 from ..solvers.time_integration import GeneralizedAlpha
@@ -47,9 +48,7 @@ class _Bar(LoadedForm):
     def __init__(self, force_velocity: str, load: float, course: Callable[[float], float] | None) -> None:
         cube = with_fibres(box((SIZE, SIZE, SIZE), (1, 1, 1)))
         contraction = Contraction(force_velocity, tendon_length=0.0)
-        model = Model(
-            cube, Yeoh(C10, C20, 0.5), contraction, Rayleigh(0.0), density=1e-3, sigma_max={"GGP": PEAK}, fixed=["wall"], mixed=True
-        )
+        model = Model(cube, Tissue(Yeoh(C10, C20, 0.5), 1e-3, peak_stress={"GGP": PEAK}), contraction, fixed=["wall"], mixed=True)
         super().__init__(model, ["GGP_L"], lambda X: X[0] > SIZE * (1 - 1e-9))
         self.traction.value[0] = load
         self.slots.activate({"GGP_L": 1.0})
