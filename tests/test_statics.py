@@ -74,7 +74,7 @@ def test_extra_fields(block: tf.TongueMesh, scratch: Path) -> None:
     assert {"hencky", "cauchy", "active_stress_GGP_L"} <= set(reader.cell_array_names)
     with h5py.File(scratch / "fields.h5") as file:
         assert len(file["cauchy"]) == 6
-    with pytest.raises(tf.InputError, match="'strain' is not one of displacement, cauchy"):
+    with pytest.raises(tf.InputError, match="'strain' is not one of displacement, "):
         tf.Simulation(model, stepping=tf.Stepping(fields=["strain"])).run({}, 0.01, scratch / "other")
 
 
