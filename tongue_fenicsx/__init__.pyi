@@ -21,6 +21,7 @@ from .mechanics.model import Model as Model
 from .mechanics.model import Rayleigh as Rayleigh
 from .mechanics.suspension import Suspension as Suspension
 from .meshing.tongue_mesh import TongueMesh as TongueMesh
+from .runs.figures import figure as figure
 from .runs.run import Run as Run
 from .simulation.simulation import Simulation as Simulation
 from .simulation.stepping import Stepping as Stepping

@@ -24,8 +24,8 @@ def on_rank_zero(comm: MPI.Intracomm, action: Callable[..., Any]) -> Any:
         try:
             value = action()
             packed = pickle.dumps((value, None))
-        except BaseException as error:
-            comm.bcast(pickle.dumps((None, _portable(error))))
+        except BaseException as caught:
+            comm.bcast(pickle.dumps((None, _portable(caught))))
             raise
         comm.bcast(packed)
         return value

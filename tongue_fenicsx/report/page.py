@@ -19,6 +19,7 @@ from PIL import Image
 
 from ..core.errors import reading
 from ..core.types import Floats
+from ..runs.figures import FIGURES
 from ..runs.run import WHOLE, Run
 from .charts import Line, chart
 from .motion import motion, strain
@@ -67,14 +68,6 @@ MODEL: Quantities = {
     "rayleigh_beta": ("Rayleigh β", 1.0, "s"),
     "tendon_length_m": ("tendon length", 1e3, "mm"),
     "sigma_max": ("peak stress", 1e-3, "kPa"),
-}
-PICTURES = {
-    "midsagittal": "Mid-sagittal section at rest and where the tongue is farthest from rest, coloured by displacement",
-    "view3d": "The tongue from the front left where it is farthest from rest, in its transparent rest shape",
-    "trajectories": "Paths of the probes in the mid-sagittal plane and over time",
-    "contact": "Force and area of contact over time",
-    "epg": "Virtual electropalatogram: electrodes touched over time, front at the top",
-    "airway": "Airway: distance from palate, velum and pharynx to the tongue along the mid-line",
 }
 
 
@@ -215,8 +208,8 @@ def _charts(run: Run) -> str:
 def _pictures(run: Run, width: int | None) -> str:
     paths = {path.stem: path for path in sorted((run.folder / "figures").glob("*.png"))}
     figures = []
-    for name in [*(name for name in PICTURES if name in paths), *(name for name in paths if name not in PICTURES)]:
-        caption = escape(PICTURES.get(name, _words(name)))
+    for name in sorted(paths, key=lambda name: (list(FIGURES).index(name) if name in FIGURES else len(FIGURES), name)):
+        caption = escape(FIGURES[name].caption if name in FIGURES else _words(name))
         data, (across, down) = _picture(paths[name], width)
         source = f'src="data:image/png;base64,{base64.b64encode(data).decode()}" width="{across}" height="{down}"'
         figures.append(f'<figure tabindex="0"><img {source} alt="{caption}" decoding="async"><figcaption>{caption}</figcaption></figure>')

@@ -14,6 +14,7 @@ import numpy as np
 from ..core.errors import InputError, reading
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
+from .figures import FIGURES
 
 WHOLE = "a whole run folder"
 
@@ -115,31 +116,22 @@ class Run:
 
         return {name: place(surface, *self.pose(name, index)) for name, surface in self.obstacles_at_rest.items()}
 
-    def plot_trajectories(self) -> Path:
-        """Draw the probe trajectories into ``figures/`` and return the file."""
-        from ..plotting import run_figures as figures
+    def plot(self, *names: str) -> list[Path]:
+        """Draw figures into ``figures/``, with their tables beside it, and return the pictures.
 
-        return figures.trajectories(self)
+        Parameters
+        ----------
+        *names : str
+            Which of `figures.FIGURES`; by default all that apply to the run.
 
-    def plot(self) -> list[Path]:
-        """Draw all figures of the run into ``figures/`` and return the files."""
-        from ..analysis import trajectories as kinematics
-        from ..analysis.airway import WALLS, airway
-        from ..analysis.electropalatogram import PALATES, electropalatogram
-        from ..plotting import run_figures as figures
-
-        paths = [figures.midsagittal(self), figures.view3d(self)]
-        if self.probes:
-            kinematics.write(self, self.folder / "trajectories.csv")
-            paths.append(figures.trajectories(self))
-        if self.contact:
-            paths.append(figures.contact(self))
-        if PALATES.intersection(self.contact):
-            record = electropalatogram(self)
-            record.write(self.folder / "epg.csv")
-            paths.append(figures.electropalatogram(self, record))
-        if self.contact.keys() & set(WALLS):
-            passage = airway(self)
-            passage.write(self.folder / "airway.csv")
-            paths.append(figures.airway(self, passage))
-        return paths
+        Raises
+        ------
+        InputError
+            If the run has no figure of a name.
+        """
+        figures = {name: figure for name, figure in FIGURES.items() if figure.applies(self)}
+        for name in names:
+            if name not in figures:
+                raise InputError(f"plot: the run has no figure {name!r}; it has {', '.join(figures)}.")
+        (self.folder / "figures").mkdir(exist_ok=True)
+        return [figures[name].draw(self) for name in names or figures]

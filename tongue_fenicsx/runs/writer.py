@@ -31,13 +31,8 @@ from .numbering import Numbering
 STATE = ("u", "v", "acceleration", "auxiliary", "average", "pressure")
 """Arrays of a `State`."""
 
-RUN_FILES = [
-    "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5", "epg.csv",
-    "trajectories.csv", "airway.csv",
-    *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg", "airway") for kind in ("png", "pdf")),
-    "figures/view3d.png",
-]  # fmt: skip
-"""What a run folder holds."""
+RUN_FILES = ("scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5")
+"""What every run folder holds; figures leave more."""
 
 
 class RunWriter:

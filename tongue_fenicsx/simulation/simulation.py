@@ -27,6 +27,7 @@ from ..forms.weak_form import WeakForm
 from ..mechanics.activation import Course, FunctionOfTime
 from ..mechanics.contact import touches_summary
 from ..mechanics.model import Model
+from ..runs.figures import figure_files
 from ..runs.run import Run
 from ..runs.writer import RUN_FILES, RunWriter
 from ..solvers.newton import Newton, Outcome
@@ -110,7 +111,7 @@ class Simulation:
         comm = self.model.tongue.comm
         folder = Path(output)
         on_rank_zero(comm, lambda: check_outputs(folder / "figures"))
-        on_rank_zero(comm, lambda: check_outputs(folder, RUN_FILES))
+        on_rank_zero(comm, lambda: check_outputs(folder, [*RUN_FILES, *figure_files()]))
         loop = _Loop(self, folder, t_end, resume, report)
         try:
             loop.prepare(scenario)

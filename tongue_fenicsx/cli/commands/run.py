@@ -49,8 +49,6 @@ def run(
 
 def _print_result(run: Run) -> None:
     """Draw the pictures of a run and print its main numbers."""
-    from ... import plotting as plotting  # registers the figures
-
     pictures = run.plot()
     s = run.summary
     console.print(
