@@ -34,9 +34,7 @@ def determinant(F: Floats) -> Floats:
 
 def weighted_percentile(values: Floats, weights: Floats, percent: float) -> float:
     """The value below which `percent` of the total weight lies."""
-    order = np.argsort(values)
-    share = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(share, percent / 100 * share[-1])])
+    return float(np.quantile(values, percent / 100, weights=weights, method="inverted_cdf"))
 
 
 @dataclass
