@@ -11,6 +11,7 @@ import pytest
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.runs.figures import FIGURES, figure_files
+from tongue_fenicsx.runs.store import Memory
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,25 @@ def test_a_figure_that_the_run_has_not(run: tf.Run, name: str) -> None:
     """One that needs contact, and one that nobody registered."""
     with pytest.raises(tf.InputError, match=f"no figure '{name}'; it has midsagittal, view3d, trajectories"):
         run.plot(name)
+
+
+def test_a_field_that_the_run_has_not(run: tf.Run) -> None:
+    """The message names those that were stored."""
+    with pytest.raises(tf.InputError, match=r"no field 'strain'; it has .*displacement, .*velocity"):
+        run.field("strain")
+
+
+def test_a_run_in_memory(run: tf.Run, tmp_path: Path) -> None:
+    """It reads as one in a folder, is drawn when it has been saved, and says so before."""
+    here = tf.Run(Memory({path.name: path.read_bytes() for path in run.folder.iterdir() if path.suffix in (".h5", ".json")}))
+    assert here.summary == run.summary
+    assert (here.field("displacement") == run.field("displacement")).all()
+    with pytest.raises(tf.InputError, match="in memory and has no folder; save it"):
+        here.plot()
+    there = here.save(tmp_path / "saved")
+    assert [path.parent.parent for path in there.plot("midsagittal")] == [tmp_path / "saved"]
+    with pytest.raises(tf.InputError, match="is in a folder already"):
+        there.save(tmp_path / "again")
 
 
 def test_matplotlib_is_left_alone(run: tf.Run) -> None:

@@ -154,7 +154,7 @@ def electropalatogram(run: Run, reach: float = REACH) -> Electropalatogram:
 
     found = sorted(PALATES.intersection(run.contact))
     if not found:
-        raise InputError(f"{run.folder}: has no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
+        raise InputError(f"{run}: has no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
     places = electrodes(run.obstacles(0)[found[0]])
     probe = pv.PolyData(1e3 * places)
     on = []

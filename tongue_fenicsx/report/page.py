@@ -17,7 +17,7 @@ from PIL import Image
 from ..core.errors import reading
 from ..core.types import Floats
 from ..runs.figures import FIGURES
-from ..runs.run import WHOLE, Run
+from ..runs.run import Run
 from .charts import Line, chart
 from .motion import motion, strain
 from .templating import include, render
@@ -96,7 +96,7 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool) -> str:
     """
     motions = {}
     for label, run in runs.items():
-        with reading(run.folder / "fields.h5", WHOLE):
+        with run.reading("fields.h5"):
             motions[label] = motion(run, detail.frames)
     data = {"largest": max(m["largest"] for m in motions.values()), "runs": list(motions.values())}
     return render(
@@ -161,7 +161,7 @@ def _article(label: str, run: Run, moved: Mapping[str, Any], detail: Detail) -> 
 
 def _charts(run: Run) -> Markup:
     time = 1e3 * run.time
-    with reading(run.folder / "fields.h5", WHOLE):
+    with run.reading("fields.h5"):
         moments, mean, high = strain(run)
     probes = {_words(name): u for name, u in run.probes.items()}
     charts = [_paths("Paths of the probes, from rest (0, 0) to the end (ring)", probes)] if probes else []
@@ -207,11 +207,10 @@ def _picture(path: Path, width: int | None) -> tuple[bytes, tuple[int, int]]:
 
 
 def _scenario(run: Run) -> str | None:
-    path = run.folder / "scenario.toml"
-    if not path.is_file():
+    if not run.store.has("scenario.toml"):
         return None
-    with reading(path, WHOLE):
-        return path.read_text(encoding="utf-8")
+    with run.reading("scenario.toml"):
+        return run.store.read("scenario.toml").decode()
 
 
 def _rows(values: Mapping[str, Any], quantities: Quantities) -> list[tuple[str, str]]:
