@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A beam of heart muscle bends under a pressure: problem 1 of the cardiac mechanics benchmark (Land et al. 2015, Proc. R. Soc. A 471: 20150641).
+"""A beam of heart muscle bends under a pressure: problem 1 of Land et al. (2015), Proc. R. Soc. A 471: 20150641.
 
 Shows how to give a law of one's own, fibres, a load that follows its surface, and a mesh made in the script. The beam of 10 × 1 × 1 mm is
 fixed at x = 0; 4 Pa push on its lower face. The eleven codes of the paper agree on a deformed height of the point (10, 0.5, 1) mm of

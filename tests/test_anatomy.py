@@ -352,7 +352,7 @@ def test_example_subject(scratch: Path) -> None:
     assert set(figures["muscles"]) == {"GGP_L", "GGP_R", "TRANS_L", "TRANS_R"}
     tongue = tf.TongueMesh.read(scratch / "example.msh")
     assert set(tongue.surfaces) == {"free", "mandible", "hyoid"}
-    for draw in (portraits.muscles, portraits.surroundings):
+    for draw in (portraits.draw_muscles, portraits.draw_surroundings):
         picture = pv.read(draw(anatomy, scratch / f"{draw.__name__}.png"))
         assert len(np.unique(picture.active_scalars, axis=0)) > 500
 

@@ -286,7 +286,7 @@ def test_needs_no_solver(done: Path, tmp_path: Path) -> None:
     """The command starts without DOLFINx, PETSc and UFL."""
     code = f"""
 import sys
-from tongue_fenicsx.cli import main
+from tongue_fenicsx.cli.app import main
 try:
     main(["report", {str(done)!r}, "-o", {str(tmp_path / "page.html")!r}])
 except SystemExit as leaving:

@@ -25,6 +25,7 @@ from .mechanics.suspension import Suspension as Suspension
 from .mechanics.tissue import Rayleigh as Rayleigh
 from .mechanics.tissue import Tissue as Tissue
 from .meshing.tongue_mesh import TongueMesh as TongueMesh
+from .runs.figures import figure as figure
 from .runs.run import Run as Run
 from .simulation.quantities import field as field
 from .simulation.quantities import history as history

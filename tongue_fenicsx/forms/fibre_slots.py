@@ -136,7 +136,7 @@ class FibreSlots:
 
     def share(self, slot: int) -> Floats:
         """The share of the muscle in a slot at each place, (n_cells, q), 0…1."""
-        return self._share[slot]
+        return np.asarray(self._share[slot])
 
     def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
         """Sum of the first Piola–Kirchhoff stresses of all slots."""

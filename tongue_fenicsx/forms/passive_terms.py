@@ -97,7 +97,8 @@ class PassiveTerms:
 
     def _select(self, value: Callable[[_Part], Expr]) -> Expr:
         """The value of the law that holds in each cell."""
-        first, *others = (value(part) for part in self._parts)
+        chosen, *others = (value(part) for part in self._parts)
+        region: Expr = self._region
         for number, other in enumerate(others, start=1):
-            first = ufl.conditional(ufl.lt(abs(self._region - number), 0.5), other, first)
-        return first
+            chosen = ufl.conditional(ufl.lt(abs(region - number), 0.5), other, chosen)
+        return chosen

@@ -71,6 +71,7 @@ class WeakForm:
         self._edge = _typical_edge(mesh)
         self._passive = PassiveTerms(model)
         self._law = model.contraction.with_constants(mesh)
+        self._optimal_stretch: Any = self._law.optimal_stretch
         self._supports = Supports(model, self.u)
         muscles = _carried(model, active)
         n_slots = count_slots(tongue, muscles)
@@ -114,7 +115,7 @@ class WeakForm:
         for pull in self.pulls:
             pull.peak_stress = peak[pull.name]
         self._density.value, self._alpha.value, self._beta.value = tissue.density, tissue.damping.alpha, tissue.damping.beta
-        self._law.optimal_stretch.value = model.contraction.optimal_stretch
+        self._optimal_stretch.value = model.contraction.optimal_stretch
         self._passive.renew(model, self._edge)
         mu = tissue.law.shear_modulus
         bulk = 10 * mu if model.mixed else bulk_modulus(tissue.law)

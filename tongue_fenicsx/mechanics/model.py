@@ -112,7 +112,7 @@ class Model:
     def kinks(self) -> list[float]:
         """Times in s that a step must end on: of moving bones and obstacles, loads, and the rise of gravity."""
         motions = [*self.moving.values(), *(contact.motion for contact in self.contacts.values() if contact.motion is not None)]
-        times = [kink for part in (*motions, *self.loads.values()) for kink in part.kinks]
+        times = [kink for motion in motions for kink in motion.kinks] + [kink for load in self.loads.values() for kink in load.kinks]
         return [*times, self.gravity_rise] if any(self.gravity) else times
 
     @property

@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""A run, read from its folder or from memory; needs no solver."""
+"""A run, read from where it is kept; needs no solver."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from ..core.errors import InputError, check_outputs
+from ..core.errors import InputError, check_outputs, reading
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
-from .store import Folder, Memory
+from .figures import FIGURES
+from .store import Folder, Memory, Store
 
 WHOLE = "a whole run folder"
-HISTORY, SUMMARY, FIELDS = "history.h5", "summary.json", "fields.h5"
 
 
 class Run:
@@ -27,8 +25,8 @@ class Run:
 
     Parameters
     ----------
-    source : path or Memory
-        The run folder, or the files of a run that has none.
+    source : path or Store
+        The run folder, or a store with its files.
 
     Attributes
     ----------
@@ -58,9 +56,11 @@ class Run:
         If the folder holds no run or its files are damaged.
     """
 
-    def __init__(self, source: str | Path | Memory) -> None:
-        self.store = source if isinstance(source, Memory) else Folder(Path(source))
-        with self._reading(HISTORY, "holds no run (history.h5 is missing); a folder written by tongue run is expected") as file:
+    def __init__(self, source: str | Path | Store) -> None:
+        self.store: Store = Folder(Path(source)) if isinstance(source, str | Path) else source
+        if not self.store.has("history.h5"):
+            raise InputError(f"{self}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
+        with self.reading("history.h5"), self.store.open("history.h5") as file:
             self.time: Floats = file["time"][:]
             names, rest = (file["probes"].attrs[key] for key in ("names", "rest"))
             self.probes: dict[str, Floats] = dict(zip(names, file["probes"][:], strict=True))
@@ -73,9 +73,9 @@ class Run:
             }
             self.volume_ratio: Floats = file["volume_ratio"][:]
         self.summary: dict[str, Any] = {}
-        if self.store.has(SUMMARY):
-            with self._understanding(SUMMARY):
-                self.summary = json.loads(self.store.read(SUMMARY))
+        if self.store.has("summary.json"):
+            with self.reading("summary.json"):
+                self.summary = json.loads(self.store.read("summary.json"))
 
     @property
     def folder(self) -> Path:
@@ -86,65 +86,57 @@ class Run:
         InputError
             If the run is in memory.
         """
-        if isinstance(self.store, Memory):
-            raise InputError("the run is in memory; save(folder) writes it to one.")
+        if not isinstance(self.store, Folder):
+            raise InputError("the run is in memory and has no folder; save it into one, or give output when it is run.")
         return self.store.path
 
+    def __str__(self) -> str:
+        return str(self.store.path) if isinstance(self.store, Folder) else "a run in memory"
+
+    def reading(self, name: str) -> AbstractContextManager[None]:
+        """Say in one sentence that a file of the run is missing or damaged (see `errors.reading`)."""
+        return reading(self.store.path / name, WHOLE) if isinstance(self.store, Folder) else nullcontext()
+
     def save(self, folder: str | Path) -> Run:
-        """Write a run that is in memory to a folder, and return it from there.
+        """Write a run that is in memory into a folder, and return it as it is there.
 
         Raises
         ------
         InputError
-            If the folder holds a run or cannot be written.
+            If the run is in a folder already, or this one cannot be written.
         """
-        target = Path(folder)
-        check_outputs(target)
-        if (target / HISTORY).exists():
-            raise InputError(f"{target}: holds a run; another folder is expected.")
-        if isinstance(self.store, Folder):
-            raise InputError(f"the run is in {self.store.path} already.")
-        for name, data in self.store.files.items():
-            (target / name).write_bytes(data)
-        return Run(target)
-
-    @contextmanager
-    def _reading(self, name: str, missing: str = f"{WHOLE} is expected") -> Iterator[h5py.File]:
-        """An HDF5 file of the run; trouble with it is said in one sentence."""
-        if not self.store.has(name):
-            raise InputError(f"{self._where}: {missing}.")
-        with self._understanding(name), self.store.open(name) as file:
-            yield file
-
-    @contextmanager
-    def _understanding(self, name: str) -> Iterator[None]:
-        try:
-            yield
-        except InputError:
-            raise
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise InputError(f"{self._where}/{name}: cannot be read ({reason}); {WHOLE} is expected.") from error
-
-    @property
-    def _where(self) -> str:
-        return "memory" if isinstance(self.store, Memory) else str(self.store.path)
+        if not isinstance(self.store, Memory):
+            raise InputError(f"{self}: is in a folder already; only a run in memory is saved.")
+        files = self.store.files
+        check_outputs(Path(folder), files)
+        for name, data in files.items():
+            (Path(folder) / name).write_bytes(data)
+        return Run(folder)
 
     def field(self, name: str, index: int = -1) -> Floats:
-        """A stored field, (n_nodes, 3) or (n_cells,), at the output `index`."""
-        with self.store.open(FIELDS) as file:
+        """A stored field, (n_nodes, 3), (n_cells,) or (n_cells, 3, 3), at the output `index`.
+
+        Raises
+        ------
+        InputError
+            If the run stored no such field.
+        """
+        with self.store.open("fields.h5") as file:
+            known = sorted(file.keys() - {"mesh", "obstacles"})
+            if name not in known:
+                raise InputError(f"field: {self} has no field {name!r}; it has {', '.join(known)}.")
             return np.asarray(file[name][sorted(file[name])[index]][:], dtype=float)
 
     @property
     def output_times(self) -> Floats:
         """Times in s of the stored fields, (n_outputs,)."""
-        with self.store.open(FIELDS) as file:
+        with self.store.open("fields.h5") as file:
             return np.asarray(file.attrs["time"])
 
     @property
     def mesh(self) -> tuple[Floats, Ints]:
         """Rest coordinates (n_nodes, 3) in m and quadratic tetrahedra (n_cells, 10) in VTK order."""
-        with self.store.open(FIELDS) as file:
+        with self.store.open("fields.h5") as file:
             return file["mesh/points"][:], file["mesh/cells"][:].astype(np.int64)
 
     @cached_property
@@ -155,7 +147,7 @@ class Run:
     @cached_property
     def obstacles_at_rest(self) -> dict[str, Surface]:
         """The surfaces of the obstacles at rest."""
-        with self.store.open(FIELDS) as file:
+        with self.store.open("fields.h5") as file:
             return {name: Surface.read(group) for name, group in file.get("obstacles", {}).items()}
 
     def pose(self, obstacle: str, index: int = -1) -> tuple[Floats, Floats]:
@@ -172,31 +164,22 @@ class Run:
 
         return {name: place(surface, *self.pose(name, index)) for name, surface in self.obstacles_at_rest.items()}
 
-    def plot_trajectories(self) -> Path:
-        """Draw the probe trajectories into ``figures/`` and return the file."""
-        from ..plotting import run_figures as figures
+    def plot(self, *names: str) -> list[Path]:
+        """Draw figures into ``figures/``, with their tables beside it, and return the pictures.
 
-        return figures.trajectories(self)
+        Parameters
+        ----------
+        *names : str
+            Which of `figures.FIGURES`; by default all that apply to the run.
 
-    def plot(self) -> list[Path]:
-        """Draw all figures of the run into ``figures/`` and return the files."""
-        from ..analysis import trajectories as kinematics
-        from ..analysis.airway import WALLS, airway
-        from ..analysis.electropalatogram import PALATES, electropalatogram
-        from ..plotting import run_figures as figures
-
-        paths = [figures.midsagittal(self), figures.view3d(self)]
-        if self.probes:
-            kinematics.write(self, self.folder / "trajectories.csv")
-            paths.append(figures.trajectories(self))
-        if self.contact:
-            paths.append(figures.contact(self))
-        if PALATES.intersection(self.contact):
-            record = electropalatogram(self)
-            record.write(self.folder / "epg.csv")
-            paths.append(figures.electropalatogram(self, record))
-        if self.contact.keys() & set(WALLS):
-            passage = airway(self)
-            passage.write(self.folder / "airway.csv")
-            paths.append(figures.airway(self, passage))
-        return paths
+        Raises
+        ------
+        InputError
+            If the run has no figure of a name, or is in memory.
+        """
+        figures = {name: figure for name, figure in FIGURES.items() if figure.applies(self)}
+        for name in names:
+            if name not in figures:
+                raise InputError(f"plot: the run has no figure {name!r}; it has {', '.join(figures)}.")
+        (self.folder / "figures").mkdir(exist_ok=True)
+        return [figures[name].draw(self) for name in names or figures]

@@ -119,6 +119,7 @@ class RunWriter:
         InputError
             If there is none, it belongs to another problem, or a file is damaged.
         """
+        found: Checkpoint
         found, self.history.rows = on_rank_zero(self._comm, lambda: self._load(identity))
         self._times = found.times
         return replace(found, arrays={name: self.numbering.scatter(values) for name, values in found.arrays.items()})

@@ -61,7 +61,9 @@ SUMMARY: dict[str, Quantity] = {}
 type Register[T] = Callable[[Callable[[Any], T]], Callable[[Any], T]]
 
 
-def field(name: str, *, unit: str, label: str, centre: str = "Cell", default: bool = False) -> Register[Floats | Mapping[str, Floats]]:
+def field(
+    name: str, *, unit: str, label: str, centre: str = "Cell", default: bool = False
+) -> Register[Floats | Mapping[str, Floats] | None]:
     """Register a field (a decorator of its function); it is stored where `Stepping.fields` or ``output.fields`` names it, or by `default`.
 
     Raises

@@ -84,7 +84,7 @@ class Snapshot:
         """
         for quantity in FIELDS.values():
             if name == quantity.name or name.startswith(f"{quantity.name}_"):
-                values = quantity.values(self)
+                values: dict[str, Floats] = quantity.values(self)
                 if name in values:
                     owned = self._weak.V.dofmap.index_map.size_local
                     return values[name].reshape(-1, 3)[:owned] if quantity.centre == "Node" else values[name]

@@ -184,7 +184,7 @@ class QuasiStatic(_Scheme):
     @property
     def mean_velocity(self) -> Floats:
         """As of `GeneralizedAlpha`: nil."""
-        return self._nil.x.array
+        return np.asarray(self._nil.x.array)
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h`; the first guess goes on as the last step went."""

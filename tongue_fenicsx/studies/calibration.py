@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from mpi4py import MPI
 
 from ..core.errors import InputError, SolveError
@@ -165,7 +166,10 @@ def calibrate(
     return found
 
 
-HEADER = "# Peak active stresses in Pa, written by tongue calibrate.\n"
+def write(found: Mapping[str, Found], path: Path, mesh: str, tissue: str, target: float) -> None:
+    """Write the stresses and how they were found as a piece of a scenario."""
+    text = tomli_w.dumps(table(found, mesh, tissue, target))
+    path.write_text("# Peak active stresses in Pa, written by tongue calibrate.\n" + text, encoding="utf-8")
 
 
 def table(found: Mapping[str, Found], mesh: str, tissue: str, target: float) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from ..core.errors import SolveError
 from ..core.types import Floats
-from ..forms.contact_terms import ContactMeasures
+from ..forms.contact_measures import ContactMeasures
 from ..forms.weak_form import WeakForm
 from ..geometry.obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
 from ..geometry.rigid_motion import RigidMotion
