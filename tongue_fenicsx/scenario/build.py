@@ -21,11 +21,12 @@ from ..geometry.surface import SUFFIXES, read_surface
 from ..mechanics.activation import Course, Excited
 from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
+from ..mechanics.control import OpenLoop
 from ..mechanics.model import Model
 from ..mechanics.suspension import Suspension
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
-from ..simulation.simulation import Simulation
+from ..simulation.simulation import Simulation, resolve_sides
 from ..simulation.stepping import Stepping
 from ..solvers.tolerances import Tolerances
 from .schema import ContactSection, MeshSection, Scenario
@@ -127,6 +128,7 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         gravity=s.gravity.vector,
         gravity_rise=s.gravity.rise,
     )
+    resolve_sides(OpenLoop(activation_of(s)), model)
     step_max = s.time.step or s.time.step_max
     step_min = min(1e-5, step_max) if s.time.step_min is None else s.time.step_min
     return Simulation(

@@ -120,7 +120,7 @@ class Simulation:
             raise InputError("resume: a run goes on from its folder; give output.")
         model, comm = self.model, self.model.tongue.comm
         control = _control(activation or {})
-        sides = _resolve_sides(control, model)
+        sides = resolve_sides(control, model)
         store = Memory() if output is None else Folder(Path(output))
         if isinstance(store, Folder):
             on_rank_zero(comm, lambda: check_outputs(store.path, RUN_FILES))
@@ -183,8 +183,14 @@ def _control(activation: Activation) -> Control:
     return OpenLoop({key: course if isinstance(course, Course) else FunctionOfTime(course) for key, course in activation.items()})
 
 
-def _resolve_sides(control: Control, model: Model) -> dict[str, list[str]]:
-    """The muscles of the mesh that each name of a control stands for."""
+def resolve_sides(control: Control, model: Model) -> dict[str, list[str]]:
+    """The muscles of a model's mesh that each name of a control stands for.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no such muscle, or one is named twice.
+    """
     found: dict[str, list[str]] = {}
     for key in control.muscles:
         found[key] = resolve(key, model.tongue.muscles, f"activation.{key}")
