@@ -77,10 +77,12 @@ def build(
         raise InputError("--preset and --size: give one of them.")
     if subject is not None and (shape or sex or split or age is not None):
         raise InputError("--shape, --sex, --age and --split belong to the parametric tongue, not to a subject.")
+    from ..anatomy.parametric.size import PRESETS
+
     preset = "coarse" if preset is None else preset
-    if preset not in meshing.PRESETS:
-        raise InputError(f"--preset: {preset!r} is not one of {', '.join(meshing.PRESETS)}.")
-    element = meshing.PRESETS[preset] if size is None else 1e-3 * size
+    if preset not in PRESETS:
+        raise InputError(f"--preset: {preset!r} is not one of {', '.join(PRESETS)}.")
+    element = PRESETS[preset] if size is None else 1e-3 * size
 
     def work() -> dict[str, Any]:
         from ..anatomy.comparison import compare
@@ -111,15 +113,16 @@ def build(
 
 def _shape(changes: list[str], sex: str | None, age: float | None) -> TongueShape:
     """The shape that the options of ``build`` describe."""
-    from ..anatomy.parametric.size import RANGES, TongueShape
+    from ..anatomy.parametric.size import TongueShape
+    from ..core.values import keys
 
     if age is not None and sex is None:
         raise InputError("--age: needs --sex male or female.")
     values = {} if sex is None else {"scale": TongueShape.of_person(sex, 30.0 if age is None else age).scale}
     for change in changes:
         key, _, text = change.partition("=")
-        if key not in RANGES:
-            raise InputError(f"--shape {change}: {key!r} is not one of {', '.join(RANGES)}.")
+        if key not in keys(TongueShape):
+            raise InputError(f"--shape {change}: {key!r} is not one of {', '.join(keys(TongueShape))}.")
         try:
             number = float(text)
         except ValueError:
@@ -148,7 +151,7 @@ def run(
     simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
-            result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded.in_metres()))
+            result = simulation.run(loaded.time.end, output, resume, bar, dump(loaded))
     except KeyboardInterrupt:
         if comm.rank == 0:
             errors.print(f"interrupted; everything so far is in {output}, go on with --resume")
@@ -326,8 +329,8 @@ def postures(
 
 def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
     """Check what calibrate, atlas and verify have in common; return the preset."""
+    from ..anatomy.parametric.size import PRESETS
     from ..mechanics.tissue import TISSUES
-    from ..meshing.build import PRESETS
 
     if mesh is not None and preset is not None:
         raise InputError("--mesh and --preset: give one of them.")

@@ -5,9 +5,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Annotated
 
+from ..anatomy.anatomy import Anatomy
+from ..anatomy.catalogue import CATALOGUE, base_name, resolve
 from ..core.errors import InputError
+from ..core.fingerprint import fingerprint
+from ..core.values import Direction, Flag, Real, Rise, checked
 from ..geometry.rigid_motion import RigidMotion
 from ..meshing.tongue_mesh import TongueMesh
 from .contact import Contact
@@ -17,6 +22,7 @@ from .tissue import Tissue
 
 
 @dataclass(frozen=True)
+@checked("model")
 class Model:
     """A tongue with its material, ready to simulate.
 
@@ -58,13 +64,19 @@ class Model:
     fixed: Sequence[str] = ("mandible", "hyoid")
     moving: Mapping[str, RigidMotion] = field(default_factory=dict)
     suspended: Mapping[str, Suspension] = field(default_factory=dict)
-    mixed: bool = False
+    mixed: Flag = False
     contacts: Mapping[str, Contact] = field(default_factory=dict)
-    gravity: Sequence[float] = (0.0, 0.0, 0.0)
-    gravity_rise: float = 0.1
-    quadrature_degree: int = 3
+    gravity: Direction = (0.0, 0.0, 0.0)
+    gravity_rise: Rise = 0.1
+    quadrature_degree: Annotated[int, Real(low=1, high=30, whole=True)] = 3
 
     def __post_init__(self) -> None:
+        if not isinstance(self.tongue, TongueMesh):
+            hint = "; its .mesh(size=…) gives one" if isinstance(self.tongue, Anatomy) else ""
+            raise InputError(f"model.tongue: {type(self.tongue).__name__} is given, a TongueMesh is expected{hint}.")
+        for name in self.tissue.peak_stress:
+            if base_name(name) not in CATALOGUE:
+                resolve(name, self.tongue.muscles, f"peak_stress.{name}")
         known = ", ".join(sorted(self.tongue.surfaces))
         for key, names in (("fixed", self.fixed), ("moving", self.moving), ("suspended", self.suspended)):
             for name in names:
@@ -79,6 +91,10 @@ class Model:
             raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
         if self.mixed and self.tissue.law.volumetric != "quadratic":
             raise InputError(f"volumetric: {self.tissue.law.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
+
+    def fingerprint(self) -> dict[str, str]:
+        """Hash of each part, by the name of its argument; models that have all in common move alike."""
+        return {item.name: fingerprint(getattr(self, item.name)) for item in fields(self)}
 
     @property
     def bonded(self) -> list[str]:

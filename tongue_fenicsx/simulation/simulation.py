@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from ..anatomy.catalogue import peak_stress, resolve
 from ..core.errors import InputError, SolveError, check_outputs
+from ..core.fingerprint import fingerprint
 from ..core.interruption import interruptible
 from ..core.memory import peak_memory
 from ..core.parallel import on_rank_zero
@@ -199,12 +200,12 @@ class _Loop:
         """A fingerprint of everything that makes the motion, but not of where it is written or when it ends."""
         model = self.model
         points = self.writer.numbering.points
-        parts: list[Any] = [asdict(model.tissue), asdict(model.contraction)]
+        parts: list[Any] = [fingerprint(model.tissue), fingerprint(model.contraction)]
         parts += [list(model.fixed), list(model.gravity), model.gravity_rise, model.mixed]
-        parts += [{name: asdict(bone) for name, bone in bones.items()} for bones in (model.moving, model.suspended)]  # type: ignore[attr-defined]
-        parts += [{name: contact.description for name, contact in model.contacts.items()}]
+        parts += [fingerprint(bones) for bones in (model.moving, model.suspended)]
+        parts += [{name: fingerprint(contact) for name, contact in model.contacts.items()}]
         parts += [model.quadrature_degree, asdict(self.stepping), asdict(self.simulation.tolerances), self.simulation.probes.names]
-        parts += [{name: course.description for name, course in self.simulation.activation.items()}]
+        parts += [{name: course.description(self.t_end) for name, course in self.simulation.activation.items()}]
         digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
         digest.update(b"" if points is None else np.ascontiguousarray(points).tobytes())
         return str(self.comm.bcast(digest.hexdigest()))
