@@ -22,7 +22,7 @@ def test_sequence() -> None:
 @pytest.mark.parametrize("piece", [(0.1, 0, 1.01), (0.1, math.nan, 1), (0.1, -0.1, 0), (0, 0, 1), (math.inf, 0, 1), (0.1, 0)])
 def test_bad_pieces(piece: tuple[float, ...]) -> None:
     """Levels outside 0…1, NaN, and durations that are not positive are refused."""
-    with pytest.raises(InputError, match="piece 1"):
+    with pytest.raises(InputError, match=r"activation\.pieces\.0.*expected"):
         Activation([piece])  # type: ignore[list-item]
 
 
@@ -40,10 +40,10 @@ def test_table(tmp_path: Path, head: str, separator: str) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("0,0\n0.1,2\n", "a level of piece 1 is 2.0"),
+        ("0,0\n0.1,2\n", "2.0; a number from 0 to 1 is expected"),
         ("0,0\n0,1\n", "the times do not grow"),
         ("0,0\n", "less than two rows"),
-        ("0,0\n0.1,nan\n", "is nan"),
+        ("0,0\n0.1,nan\n", "nan; a number from 0 to 1"),
         ("0,0,0\n1,1,1\n", "other than two columns"),
         ("0,a\n1,1\n", "cannot be read"),
     ],

@@ -89,7 +89,7 @@ def test_size_of_a_person(parametric: tf.Anatomy) -> None:
     assert TongueShape.of_person("male", 0).scale < 0.5 * TongueShape.of_person("male", 20).scale
     assert TongueShape.of_person("female", 40) == TongueShape.of_person("female", 18)
     for wrong in ({"width": 0.1}, {"length": float("nan")}, {"scale": 0.0}):
-        with pytest.raises(tf.InputError, match=f"shape.{next(iter(wrong))}: .* is accepted"):
+        with pytest.raises(tf.InputError, match=f"shape.{next(iter(wrong))}: .* is expected"):
             TongueShape(**wrong)
     for arguments in (("robot", 30.0), ("male", -1.0), ("male", float("nan"))):
         with pytest.raises(tf.InputError):

@@ -90,7 +90,7 @@ def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
         f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.35\n[activation.GGM]\npieces = [[0.1, 0.0, 1.0]]\n'
         + output.read_text().partition("[calibration]")[0]
     )
-    assert load(scenario).tissue_value().peak_stress["GGM"] == stress
+    assert load(scenario).muscles.sigma_max["GGM"] == stress
 
 
 @pytest.mark.parametrize(

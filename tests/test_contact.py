@@ -169,7 +169,11 @@ def test_touching_at_rest(block: tf.TongueMesh) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
-    [({"form": "glue"}, "'glue'; penalty or nitsche"), ({"theta": 2}, "-1, 0 or 1"), ({"stiffness": 0.0}, "contact.stiffness: 0.0")],
+    [
+        ({"form": "glue"}, "'glue'; one of penalty, nitsche is expected"),
+        ({"theta": 2}, "one of -1, 0, 1"),
+        ({"stiffness": 0.0}, "contact.stiffness: 0.0"),
+    ],
 )
 def test_bad_contact(wrong: dict[str, object], message: str) -> None:
     """Forms and numbers that are not accepted are named."""
@@ -227,7 +231,7 @@ def test_scenario(tongue: tf.TongueMesh, tongue_file: Path) -> None:
     assert gaps["ball"] > 0.03
     assert isinstance(contacts["file"].obstacle, Triangulated)
     again = path.with_name("again.toml")
-    on_rank_zero(tongue.comm, lambda: again.write_text(dump(scenario.in_metres())))
+    on_rank_zero(tongue.comm, lambda: again.write_text(dump(scenario)))
     np.testing.assert_allclose(simulation_of(load(again), path.parent).model.contacts["ball"].obstacle.evaluate(above)[0], gaps["ball"])
     with h5py.File(tongue_file.with_suffix(".h5")) as file:
         assert {"palate", "velum", "mandible", "lower_teeth"} <= set(file["bones"])
@@ -239,10 +243,10 @@ def test_scenario(tongue: tf.TongueMesh, tongue_file: Path) -> None:
         ("contact.palat={}", r"contact\.palat\.surface: the mesh has no bone 'palat' \(it has .*palate"),
         ("contact.palate.surface='no.stl'", "no.stl"),
         ("contact.palate.moves_with='hyoid'", "'hyoid' does not move; moving in boundary.moving: mandible"),
-        ("contact.palate.form='glue'", "'glue' is not one of penalty, nitsche"),
+        ("contact.palate.form='glue'", "'glue'; one of penalty, nitsche is expected"),
         ("contact.palate.stifness=2.0", "did you mean 'stiffness'"),
         ("contact.screen.sphere={centre=[0.0,0.0,0.0],radius=1.0}", "one of surface, plane and sphere"),
-        ("contact.ball.sphere.radius=-1.0", "greater than 0"),
+        ("contact.ball.sphere.radius=-1.0", "a positive length is expected"),
         ("contact.screen.plane.normal=[0.0,0.0,0.0]", "has no direction"),
     ],
 )

@@ -34,9 +34,9 @@ def test_rotation_and_translation() -> None:
     ("wrong", "message"),
     [
         ({}, "neither angle nor translation"),
-        ({"angle": [(0.0, 0.0, 1.0)]}, "motion.angle: the duration of piece 1 is 0.0"),
-        ({"angle": [(0.1, 0.0, float("nan"))]}, "goes from 0.0 to nan; degrees are expected"),
-        ({"translation": [(0.1, (0, 0), (0, 0, 1))]}, "three lengths are expected"),
+        ({"angle": [(0.0, 0.0, 1.0)]}, "motion.angle.0.0: 0.0 s; a positive number is expected"),
+        ({"angle": [(0.1, 0.0, float("nan"))]}, "motion.angle.0.2: nan; a number is expected"),
+        ({"translation": [(0.1, (0, 0), (0, 0, 1))]}, "three numbers are expected"),
         ({"angle": [(0.1, 0.0, 1.0)], "axis": (0, 0, 0)}, "has no direction"),
     ],
 )

@@ -62,8 +62,8 @@ def test_no_stress_is_not_taken_from_another_tissue(block: tf.TongueMesh) -> Non
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"density": 0.0}, "density: 0.0 kg/m³; a positive number is expected"),
-        ({"peak_stress": {"GGP": -1.0}}, "peak_stress: GGP has -1.0 Pa; zero or a positive stress is expected"),
+        ({"density": 0.0}, "tissue.density: 0.0 kg/m³; a positive number is expected"),
+        ({"peak_stress": {"GGP": -1.0}}, "tissue.peak_stress.GGP: -1.0 Pa; zero or a positive number is expected"),
     ],
 )
 def test_numbers_out_of_range(change: dict[str, Any], message: str) -> None:

@@ -16,7 +16,9 @@ from . import plotting as _plotting  # noqa: F401  registers the standard figure
 
 _os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread per rank; must be set before BLAS loads
 if _find_spec("dolfinx_solver") is not None:
-    import dolfinx_solver as _dolfinx_solver  # noqa: F401  the wheel must come before dolfinx, petsc4py and mpi4py
+    from . import _wheel
+
+    _wheel.import_on_demand()
 
 __version__ = _version("tongue_fenicsx")
 

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-import pyvista as pv
-from scipy import ndimage
 
 from ..core.errors import InputError
 from ..core.types import Floats, Ints
+from ..core.values import Direction, Flag, Length, Point, checked
 from .surface import Surface
 
 SPACING = 0.75e-3
@@ -24,6 +22,7 @@ since sharper ones outweigh all else in a soft tissue's tangent (they doubled th
 B_SPLINE = np.array([(1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1)]) / 6
 
 
+@runtime_checkable
 class Obstacle(Protocol):
     """What the tongue cannot enter."""
 
@@ -38,6 +37,7 @@ class Obstacle(Protocol):
 
 
 @dataclass(frozen=True)
+@checked("plane")
 class Plane:
     """The half-space behind a plane.
 
@@ -54,18 +54,18 @@ class Plane:
         If a number is not finite or the normal has no direction.
     """
 
-    point: Sequence[float]
-    normal: Sequence[float]
+    point: Point
+    normal: Direction
 
     def __post_init__(self) -> None:
-        _check_three("plane", "point", self.point)
-        _check_three("plane", "normal", self.normal)
         if not np.any(self.normal):
             raise InputError("plane: the normal [0, 0, 0] has no direction.")
 
     @property
     def surface(self) -> Surface:
         """A square of 10 cm about the point."""
+        import pyvista as pv
+
         return Surface.from_pyvista(pv.Plane(center=self.point, direction=self.normal, i_size=0.1, j_size=0.1).triangulate())
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
@@ -75,6 +75,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
+@checked("sphere")
 class Sphere:
     """A ball, or all that is around a hollow sphere.
 
@@ -93,18 +94,15 @@ class Sphere:
         If a number is not finite or the radius is not positive.
     """
 
-    centre: Sequence[float]
-    radius: float
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        _check_three("sphere", "centre", self.centre)
-        if not (np.isfinite(self.radius) and self.radius > 0):
-            raise InputError(f"sphere: the radius is {self.radius}; a positive length is expected.")
+    centre: Point
+    radius: Length
+    inside: Flag = False
 
     @property
     def surface(self) -> Surface:
         """The sphere as triangles."""
+        import pyvista as pv
+
         return Surface.from_pyvista(pv.Sphere(radius=self.radius, center=self.centre, theta_resolution=60, phi_resolution=60))
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
@@ -114,6 +112,10 @@ class Sphere:
         n = away / d[:, None]
         H = (np.eye(3) - n[:, :, None] * n[:, None, :]) / d[:, None, None]
         return (self.radius - d, -n, -H) if self.inside else (d - self.radius, n, H)
+
+
+OBSTACLES: dict[str, type[Any]] = {"plane": Plane, "sphere": Sphere}
+"""Obstacles that are made of a few numbers, by the name that a scenario gives."""
 
 
 @dataclass(frozen=True)
@@ -181,10 +183,19 @@ class Triangulated:
         shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
         self._origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
         self._values = self._sample(_simplified(surface, spacing), shape)
+        from scipy import ndimage
+
         self._coefficients = ndimage.spline_filter(self._values, order=3)
+
+    @property
+    def fingerprint(self) -> list[Any]:
+        """What makes the distance: the faces and the grid."""
+        return [self.surface.points, self.surface.triangles, self.spacing, self.band]
 
     def _sample(self, surface: Surface, shape: Ints) -> Floats:
         """The signed distance at all nodes of the grid, clamped to ± one band."""
+        from scipy import ndimage
+
         dense = surface.to_pyvista().subdivide_adaptive(max_edge_len=self.spacing, max_n_passes=20).points
         away = np.ones(shape, dtype=bool)
         away[tuple(np.rint((dense - self._origin) / self.spacing).astype(np.int64).T)] = False
@@ -293,8 +304,3 @@ def check_orientation(surface: Surface, name: str, free_points: Floats, band: fl
             f"{name}: {behind} of the {len(gap)} free points within {1e3 * band:g} mm are behind the surface; "
             "its normals must point to the free side, so turn its triangles."
         )
-
-
-def _check_three(obstacle: str, name: str, value: Sequence[float]) -> None:
-    if np.shape(value) != (3,) or not np.isfinite(value).all():
-        raise InputError(f"{obstacle}: the {name} is {value}; three numbers are expected.")

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from ..core.types import Floats
+from ..core.values import Direction, Duration, Number, Point, checked
 
 
 @dataclass(frozen=True)
+@checked("motion")
 class RigidMotion:
     """Rotation about an axis that stays in place, then a translation; both from piece to piece with least jerk.
 
@@ -36,30 +37,21 @@ class RigidMotion:
         If a duration is not positive, a number is not finite, the axis has no direction, or nothing moves.
     """
 
-    angle: Sequence[tuple[float, float, float]] = ()
-    translation: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
-    centre: Sequence[float] = (0.0, 0.0, 0.0)
-    axis: Sequence[float] = (0.0, 1.0, 0.0)
+    angle: Sequence[tuple[Duration, Number, Number]] = ()
+    translation: Sequence[tuple[Duration, Point, Point]] = ()
+    centre: Point = (0.0, 0.0, 0.0)
+    axis: Direction = (0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
         if not (self.angle or self.translation):
             raise InputError("motion: neither angle nor translation is given; pieces of [duration in s, start, target] are expected.")
-        for name, unit, shape in (("angle", "degrees", ()), ("translation", "three lengths", (3,))):
-            for number, (duration, *ends) in enumerate(getattr(self, name), start=1):
-                if not (np.isfinite(duration) and duration > 0):
-                    raise InputError(
-                        f"motion.{name}: the duration of piece {number} is {duration}; a positive number of seconds is expected."
-                    )
-                if any(np.shape(end) != shape or not np.isfinite(end).all() for end in ends):
-                    raise InputError(f"motion.{name}: piece {number} goes from {ends[0]} to {ends[1]}; {unit} are expected.")
-        for name in ("centre", "axis"):
-            if np.shape(getattr(self, name)) != (3,) or not np.isfinite(getattr(self, name)).all():
-                raise InputError(f"motion.{name}: {getattr(self, name)}; three numbers are expected.")
         if not np.any(self.axis):
             raise InputError("motion.axis: [0, 0, 0] has no direction.")
 
     def pose(self, t: float) -> tuple[Floats, Floats]:
         """Rotation (3, 3) and offset (3,) in m at time `t` (s): a point X of the rest shape is at R X + offset."""
+        from scipy.spatial.transform import Rotation
+
         unit = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
         turn = Rotation.from_rotvec(_reached(self.angle, t, 0.0) * unit, degrees=True).as_matrix()
         return turn, self.centre - turn @ self.centre + _reached(self.translation, t, np.zeros(3))

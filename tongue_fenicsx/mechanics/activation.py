@@ -8,12 +8,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..core.errors import InputError, reading
 from ..core.types import Floats
+from ..core.values import Duration, Real, Share, checked
+
+Pieces = Sequence[tuple[Duration, Share, Share]]
+TimeConstant = Annotated[float, Real("s", low=1e-4, high=1)]
 
 
 @runtime_checkable
@@ -27,12 +31,12 @@ class Course(Protocol):
     def kinks(self) -> list[float]:
         """Times in s that a step must end on."""
 
-    @property
-    def description(self) -> list[Any]:
-        """What makes the course, in plain numbers and names."""
+    def description(self, t_end: float, /) -> list[Any]:
+        """What makes the course until `t_end` (s), in plain numbers and names."""
 
 
 @dataclass(frozen=True)
+@checked("activation")
 class Activation:
     """Activation in 0…1 as straight pieces; the last level holds for ever.
 
@@ -47,22 +51,11 @@ class Activation:
         If a duration is not positive or a level is not a number in 0…1.
     """
 
-    pieces: Sequence[tuple[float, float, float]]
+    pieces: Pieces
 
     def __post_init__(self) -> None:
         if not self.pieces:
             raise InputError("activation: no pieces; a list of [duration in s, start level, target level] is expected.")
-        for number, piece in enumerate(self.pieces, start=1):
-            if len(piece) != 3:
-                raise InputError(
-                    f"activation: piece {number} has {len(piece)} numbers; [duration in s, start level, target level] is expected."
-                )
-            duration, *levels = piece
-            if not (np.isfinite(duration) and duration > 0):
-                raise InputError(f"activation: the duration of piece {number} is {duration}; a positive number of seconds is expected.")
-            for level in levels:
-                if not 0 <= level <= 1:  # also catches NaN
-                    raise InputError(f"activation: a level of piece {number} is {level}; a number from 0 to 1 is expected.")
 
     def __call__(self, t: float) -> float:
         """Level at time `t` (s)."""
@@ -77,8 +70,7 @@ class Activation:
         """Times in s at which a piece ends."""
         return np.cumsum([piece[0] for piece in self.pieces]).tolist()
 
-    @property
-    def description(self) -> list[Any]:
+    def description(self, t_end: float) -> list[Any]:
         """The pieces."""
         return [list(piece) for piece in self.pieces]
 
@@ -137,13 +129,13 @@ class FunctionOfTime:
             raise InputError(f"activation: the function returns {level} at t = {t:g} s; a number from 0 to 1 is expected.")
         return level
 
-    @property
-    def description(self) -> list[Any]:
-        """Its levels every 10 ms of the first second."""
-        return [self(t) for t in np.linspace(0, 1, 101)]
+    def description(self, t_end: float) -> list[Any]:
+        """Its levels every millisecond until `t_end` (s), beyond which it need not have any."""
+        return [self(1e-3 * i) for i in range(int(1e3 * t_end * (1 + 1e-12)) + 1)]
 
 
 @dataclass(frozen=True)
+@checked("excitation")
 class Excited:
     """Activation that follows an excitation with first-order dynamics, ȧ = (e − a)/τ (Zajac 1989).
 
@@ -161,15 +153,10 @@ class Excited:
     """
 
     excitation: Course
-    rise: float = 0.01
-    fall: float = 0.04
+    rise: TimeConstant = 0.01
+    fall: TimeConstant = 0.04
 
     _STEP = 1e-4
-
-    def __post_init__(self) -> None:
-        for name in ("rise", "fall"):
-            if not 1e-4 <= getattr(self, name) <= 1:
-                raise InputError(f"excitation.{name}: {getattr(self, name)} s; 0.0001 to 1 s is accepted.")
 
     def __call__(self, t: float) -> float:
         """Activation at time `t` (s), from rest at 0."""
@@ -180,10 +167,9 @@ class Excited:
         """Those of the excitation."""
         return self.excitation.kinks
 
-    @property
-    def description(self) -> list[Any]:
+    def description(self, t_end: float) -> list[Any]:
         """The excitation and the time constants."""
-        return ["excited", self.rise, self.fall, self.excitation.description]
+        return ["excited", self.rise, self.fall, self.excitation.description(t_end)]
 
     @property
     def _end(self) -> float:

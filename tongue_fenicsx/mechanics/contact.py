@@ -9,24 +9,21 @@ The factor P − λ is nil where the conditions hold, so any δP is consistent: 
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 
-from ..core.errors import InputError
 from ..core.types import Floats
+from ..core.values import Length, OneOf, Positive, checked
 from ..geometry.obstacles import Obstacle
 from ..geometry.rigid_motion import RigidMotion
-
-if TYPE_CHECKING:
-    pass
 
 FORMS = ("penalty", "nitsche")
 
 
 @dataclass(frozen=True)
+@checked("contact")
 class Contact:
     """How the tongue meets one obstacle.
 
@@ -54,28 +51,12 @@ class Contact:
     """
 
     obstacle: Obstacle
-    form: str = "nitsche"
-    theta: int = 0
-    stiffness: float = 1.0
-    tolerance: float = 0.05e-3
-    touching: float = 0.2e-3
+    form: Annotated[str, OneOf(names=FORMS)] = "nitsche"
+    theta: Annotated[int, OneOf(names=(-1, 0, 1))] = 0
+    stiffness: Positive = 1.0
+    tolerance: Length = 0.05e-3
+    touching: Length = 0.2e-3
     motion: RigidMotion | None = None
-
-    @property
-    def description(self) -> list[object]:
-        """What makes the contact, in plain numbers and names."""
-        motion = None if self.motion is None else asdict(self.motion)
-        shape = hashlib.sha256(np.ascontiguousarray(self.obstacle.surface.points).tobytes()).hexdigest()
-        return [self.form, self.theta, self.stiffness, self.tolerance, self.touching, motion, shape]
-
-    def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise InputError(f"contact.form: {self.form!r}; {' or '.join(FORMS)} is expected.")
-        if self.theta not in (-1, 0, 1):
-            raise InputError(f"contact.theta: {self.theta}; -1, 0 or 1 is expected.")
-        for name in ("stiffness", "tolerance", "touching"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"contact.{name}: {getattr(self, name)}; a positive number is expected.")
 
 
 @dataclass(frozen=True)

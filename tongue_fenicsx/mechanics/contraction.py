@@ -7,13 +7,17 @@ import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
-import ufl
-from dolfinx import default_scalar_type, fem
-from dolfinx import mesh as dmesh
+import lazy_loader
 
-from ..core.errors import InputError
 from ..core.types import Expr
+from ..core.values import Flag, OneOf, Real, checked
+
+if TYPE_CHECKING:
+    from dolfinx import mesh as dmesh
+
+ufl = lazy_loader.load("ufl")  # a scenario is checked without it
 
 
 def force_length(stretch: Expr) -> Expr:
@@ -70,6 +74,7 @@ Grenoble (constants of Perrier 2003, after Huxley 1957); Hill's hyperbola (Winte
 
 
 @dataclass(frozen=True)
+@checked("muscles")
 class Contraction:
     """How muscle contracts.
 
@@ -90,23 +95,17 @@ class Contraction:
         Whether the tissue stiffens by 1 + 9a, a the sum of the activations there up to 1 (Buchaillard 2009).
     """
 
-    force_velocity: str = "grenoble"
-    optimal_stretch: float = 1.0
-    tendon_length: float = 6e-3
-    deviatoric: bool = True
-    passive_fibres: bool = False
-    stiffening: bool = False
-
-    def __post_init__(self) -> None:
-        if self.force_velocity not in FORCE_VELOCITY:
-            raise InputError(f"force_velocity: {self.force_velocity!r}; one of {', '.join(FORCE_VELOCITY)} is expected.")
-        if not 0.5 <= self.optimal_stretch <= 2:
-            raise InputError(f"optimal_stretch: {self.optimal_stretch}; a stretch from 0.5 to 2 is expected.")
-        if not 0 <= self.tendon_length <= 0.05:
-            raise InputError(f"tendon_length: {self.tendon_length} m; 0 to 0.05 m is expected.")
+    force_velocity: Annotated[str, OneOf(names=FORCE_VELOCITY)] = "grenoble"
+    optimal_stretch: Annotated[float, Real(low=0.5, high=2)] = 1.0
+    tendon_length: Annotated[float, Real("m", low=0, high=0.05)] = 6e-3
+    deviatoric: Flag = True
+    passive_fibres: Flag = False
+    stiffening: Flag = False
 
     def with_constants(self, mesh: dmesh.Mesh) -> Contraction:
         """The same law with its number as a constant of a form, so that another one compiles nothing."""
+        from dolfinx import default_scalar_type, fem
+
         law = copy(self)
         object.__setattr__(law, "optimal_stretch", fem.Constant(mesh, default_scalar_type(self.optimal_stretch)))
         return law

@@ -3,18 +3,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
 
-import ufl
-
-from ..core.errors import InputError
 from ..core.types import Expr
-from .kinematics import Kinematics
+from ..core.values import OneOf, Real, checked
+
+if TYPE_CHECKING:
+    from .kinematics import Kinematics
 
 
+@runtime_checkable
 class Passive(Protocol):
     """A hyperelastic law: any dataclass with these members; its numbers become constants of the form, so changing them compiles nothing."""
 
@@ -34,35 +34,22 @@ class Passive(Protocol):
         """Energy density in J/m³ without that of the volume; `parameters` are the law's `numbers` as they stand in the form."""
 
 
-VOLUMETRIC: dict[str, Callable[[Expr], Expr]] = {
-    "quadratic": lambda J: (J - 1) ** 2 / 2,
-    "barrier": lambda J: (J**2 - 1 - 2 * ufl.ln(J)) / 4,
-}
+def _barrier(J: Expr) -> Expr:
+    from ufl import ln
+
+    return (J**2 - 1 - 2 * ln(J)) / 4
+
+
+VOLUMETRIC: dict[str, Callable[[Expr], Expr]] = {"quadratic": lambda J: (J - 1) ** 2 / 2, "barrier": _barrier}
 """Volumetric energy over κ by name: the chapter's, and one that resists J → 0 (Simo and Taylor 1982)."""
 
-
-@dataclass(frozen=True)
-class _Law:
-    """What every law has: Poisson's ratio and a volumetric energy; stiffnesses are the other attributes."""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name == "nu":
-                if not -1 < value <= 0.5:
-                    raise InputError(
-                        f"nu: {value}; Poisson's ratio must be below 0.5 (0.49 to 0.4999 for tissue), or 0.5 in the mixed form."
-                    )
-            elif item.name == "volumetric":
-                if value not in VOLUMETRIC:
-                    raise InputError(f"volumetric: {value!r}; {' or '.join(VOLUMETRIC)} is expected.")
-            elif not (0 <= value < math.inf and (value > 0 or item.name != "c10")):
-                least = "a positive" if item.name == "c10" else "zero or a positive"
-                raise InputError(f"{item.name}: {value} Pa; {least} stiffness in Pa is expected.")
+Poisson = Annotated[float, Real("", "Poisson's ratio ν", low=-1, high=0.5, above=True)]
+Volumetric = Annotated[str, OneOf(names=VOLUMETRIC)]
 
 
 @dataclass(frozen=True)
-class Yeoh(_Law):
+@checked("tissue")
+class Yeoh:
     """Yeoh's law of two or three terms, Ψ = C₁₀(Ī₁−3) + C₂₀(Ī₁−3)² + C₃₀(Ī₁−3)³ + κ U(J), κ = 2C₁₀/(1−2ν) (chapter, equation 4.1).
 
     The chapter's I₁ is read as the isochoric Ī₁ = J^(−2/3) I₁; with the plain I₁ the rest shape would carry stress.
@@ -84,11 +71,11 @@ class Yeoh(_Law):
         If a stiffness is negative or ν is outside (−1, 0.5].
     """
 
-    c10: float
-    c20: float
-    nu: float = 0.49
-    volumetric: str = "quadratic"
-    c30: float = 0.0
+    c10: Annotated[float, Real("Pa", "C₁₀", low=0, above=True)]
+    c20: Annotated[float, Real("Pa", "C₂₀", low=0)]
+    nu: Poisson = 0.49
+    volumetric: Volumetric = "quadratic"
+    c30: Annotated[float, Real("Pa", "C₃₀", low=0)] = 0.0
 
     @property
     def shear_modulus(self) -> float:
@@ -102,7 +89,8 @@ class Yeoh(_Law):
 
 
 @dataclass(frozen=True)
-class NeoHookean(_Law):
+@checked("tissue")
+class NeoHookean:
     """Ψ = C₁₀(Ī₁−3) + κ U(J), κ = 2C₁₀/(1−2ν) (Treloar 1943; isochoric form).
 
     Attributes
@@ -113,9 +101,9 @@ class NeoHookean(_Law):
         As of `Yeoh`.
     """
 
-    c10: float
-    nu: float = 0.49
-    volumetric: str = "quadratic"
+    c10: Annotated[float, Real("Pa", "C₁₀", low=0, above=True)]
+    nu: Poisson = 0.49
+    volumetric: Volumetric = "quadratic"
 
     @property
     def shear_modulus(self) -> float:
@@ -128,7 +116,8 @@ class NeoHookean(_Law):
 
 
 @dataclass(frozen=True)
-class MooneyRivlin(_Law):
+@checked("tissue")
+class MooneyRivlin:
     """Ψ = C₁₀(Ī₁−3) + C₀₁(Ī₂−3) + κ U(J), κ = 2(C₁₀+C₀₁)/(1−2ν) (Mooney 1940, Rivlin 1948; isochoric form).
 
     Attributes
@@ -139,10 +128,10 @@ class MooneyRivlin(_Law):
         As of `Yeoh`.
     """
 
-    c10: float
-    c01: float
-    nu: float = 0.49
-    volumetric: str = "quadratic"
+    c10: Annotated[float, Real("Pa", "C₁₀", low=0, above=True)]
+    c01: Annotated[float, Real("Pa", "C₀₁", low=0)] = 0.0
+    nu: Poisson = 0.49
+    volumetric: Volumetric = "quadratic"
 
     @property
     def shear_modulus(self) -> float:
@@ -154,7 +143,7 @@ class MooneyRivlin(_Law):
         return parameters["c10"] * (k.I1 - 3) + parameters["c01"] * (k.I2 - 3)
 
 
-LAWS: dict[str, type[Yeoh] | type[NeoHookean] | type[MooneyRivlin]] = {
+LAWS: dict[str, type[Any]] = {
     "yeoh": Yeoh,
     "neo_hookean": NeoHookean,
     "mooney_rivlin": MooneyRivlin,

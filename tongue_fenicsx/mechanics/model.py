@@ -5,10 +5,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated
 
+import numpy as np
+from mpi4py import MPI
+
+from ..anatomy.anatomy import Anatomy
+from ..anatomy.catalogue import CATALOGUE, base_name, resolve
 from ..core.errors import InputError
+from ..core.fingerprint import fingerprint
 from ..core.types import Floats
+from ..core.values import Direction, Flag, Real, Rise, checked
 from ..geometry.rigid_motion import RigidMotion
 from ..meshing.tongue_mesh import TongueMesh
 from .contact import Contact
@@ -20,6 +28,7 @@ from .tissue import Tissue
 
 
 @dataclass(frozen=True)
+@checked("model")
 class Model:
     """A tongue with its material, ready to simulate.
 
@@ -69,14 +78,20 @@ class Model:
     fixed: Sequence[str] = ("mandible", "hyoid")
     moving: Mapping[str, RigidMotion] = field(default_factory=dict)
     suspended: Mapping[str, Suspension] = field(default_factory=dict)
-    mixed: bool = False
+    mixed: Flag = False
     contacts: Mapping[str, Contact] = field(default_factory=dict)
     loads: Mapping[str, Pressure] = field(default_factory=dict)
-    gravity: Sequence[float] = (0.0, 0.0, 0.0)
-    gravity_rise: float = 0.1
-    quadrature_degree: int = 3
+    gravity: Direction = (0.0, 0.0, 0.0)
+    gravity_rise: Rise = 0.1
+    quadrature_degree: Annotated[int, Real(low=1, high=30, whole=True)] = 3
 
     def __post_init__(self) -> None:
+        if not isinstance(self.tongue, TongueMesh):
+            hint = "; its .mesh(size=…) gives one" if isinstance(self.tongue, Anatomy) else ""
+            raise InputError(f"model.tongue: {type(self.tongue).__name__} is given, a TongueMesh is expected{hint}.")
+        for name in self.tissue.peak_stress:
+            if base_name(name) not in CATALOGUE:
+                resolve(name, self.tongue.muscles, f"peak_stress.{name}")
         known = ", ".join(sorted(self.tongue.surfaces))
         for key, names in (("fixed", self.fixed), ("moving", self.moving), ("suspended", self.suspended)):
             for name in names:
@@ -97,6 +112,20 @@ class Model:
                 raise InputError("nu: 0.5 needs the mixed form (tissue.formulation); below 0.5 is expected without it.")
             if self.mixed and law.volumetric != "quadratic":
                 raise InputError(f"volumetric: {law.volumetric!r} is not known to the mixed form; 'quadratic' is expected.")
+
+    def fingerprint(self) -> dict[str, str]:
+        """Hash of each part, by the name of its argument; models that have all in common move alike."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        if callable(self.fibre):
+            values["fibre"] = self.fibre(self._grid())
+        return {name: fingerprint(value) for name, value in values.items()}
+
+    def _grid(self) -> Floats:
+        """Points (1000, 3) in m all over the box around the mesh, the same on all ranks."""
+        x, comm = self.tongue.mesh.geometry.x, self.tongue.comm
+        low, high = comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN), comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
+        shares = np.stack(np.meshgrid(*3 * [np.linspace(0, 1, 10)]), axis=-1).reshape(-1, 3)
+        return np.asarray(low + shares * (high - low))
 
     @property
     def bonded(self) -> list[str]:

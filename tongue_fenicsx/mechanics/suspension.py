@@ -10,13 +10,13 @@ TᵀAT with the sparse T of `Transformation`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-import numpy as np
-
-from ..core.errors import InputError
+from ..core.values import Real, checked
 
 
 @dataclass(frozen=True)
+@checked("suspended")
 class Suspension:
     """A bone that the rest of the body holds as springs would; its own weight is borne at rest.
 
@@ -37,11 +37,6 @@ class Suspension:
         If a number is negative, or the bone has neither mass nor springs.
     """
 
-    mass: float = 5e-3
-    stiffness: float = 1760.0
-    damping: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, unit in (("mass", "kg"), ("stiffness", "N/m"), ("damping", "N s/m")):
-            if not (np.isfinite(value := getattr(self, name)) and value >= 0):
-                raise InputError(f"suspended.{name}: {value} {unit}; zero or a positive number is expected.")
+    mass: Annotated[float, Real("kg", low=0)] = 5e-3
+    stiffness: Annotated[float, Real("N/m", low=0)] = 1760.0
+    damping: Annotated[float, Real("N s/m", low=0)] = 0.0

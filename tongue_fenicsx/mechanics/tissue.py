@@ -3,16 +3,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from ..anatomy.catalogue import PEAK_STRESS
-from ..core.errors import InputError
+from ..core.values import Real, checked
 from .hyperelasticity import Passive, Yeoh
+
+Density = Annotated[float, Real("kg/m³", "density", low=0, above=True)]
+MassDamping = Annotated[float, Real("1/s", "Rayleigh α", low=0)]
+StiffnessDamping = Annotated[float, Real("s", "Rayleigh β", low=0)]
+PeakStress = Annotated[float, Real("Pa", "peak stress", low=0)]
 
 
 @dataclass(frozen=True)
+@checked("damping")
 class Rayleigh:
     """Rayleigh damping, α ρ v + β K₀ v with the stiffness K₀ of the rest state.
 
@@ -29,16 +35,12 @@ class Rayleigh:
         If a number is negative.
     """
 
-    alpha: float = 0.0
-    beta: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, value in (("alpha", self.alpha), ("beta", self.beta)):
-            if not 0 <= value < math.inf:
-                raise InputError(f"rayleigh_{name}: {value}; zero or a positive number is expected.")
+    alpha: MassDamping = 0.0
+    beta: StiffnessDamping = 0.0
 
 
 @dataclass(frozen=True)
+@checked("tissue")
 class Tissue:
     """What a tongue is made of.
 
@@ -62,17 +64,10 @@ class Tissue:
     """
 
     law: Passive
-    density: float
+    density: Density
     damping: Rayleigh = Rayleigh()
-    peak_stress: Mapping[str, float] = field(default_factory=dict)
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        if not 0 < self.density < math.inf:
-            raise InputError(f"density: {self.density} kg/m³; a positive number is expected.")
-        for name, value in self.peak_stress.items():
-            if not 0 <= value < math.inf:
-                raise InputError(f"peak_stress: {name} has {value} Pa; zero or a positive stress is expected.")
+    peak_stress: Mapping[str, PeakStress] = field(default_factory=dict)
+    source: str = field(default="", compare=False)
 
     @classmethod
     def calka(cls) -> Tissue:

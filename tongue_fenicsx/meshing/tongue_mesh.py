@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..anatomy.anatomy import Anatomy
 from ..core.errors import InputError, reading
+from ..core.fingerprint import digest
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
 from ..geometry.surface import Surface
@@ -88,6 +89,8 @@ class TongueMesh:
         Name to point (3,) in m in the rest shape.
     bones : dict
         Name to the surface of a bone or wall around it, for contact.
+    digest : str
+        Hash of the files that it was read from.
     name : str
         What the tongue is called.
     volumes : dict
@@ -102,6 +105,12 @@ class TongueMesh:
     name: str = "mesh"
     bones: dict[str, Surface] = field(default_factory=dict)
     volumes: dict[str, Ints] = field(default_factory=dict)
+    digest: str = ""
+
+    @property
+    def fingerprint(self) -> str:
+        """What makes the mesh: the files, where there are any."""
+        return self.digest
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -140,6 +149,7 @@ class TongueMesh:
                 raise
 
         stored = on_rank_zero(comm, open_and_check)
+        read = on_rank_zero(comm, lambda: digest([path, path.with_suffix(".h5"), path.with_suffix(".fibres.json")]))
         try:
             data = dgmsh.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0)
         finally:
@@ -152,7 +162,7 @@ class TongueMesh:
         tags = data.cell_tags
         volumes = {name: tags.find(group.tag).astype(np.int32) for name, group in data.physical_groups.items() if group.dim == 3}
         if stored is None:
-            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes)
+            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes, digest=read)
         row = _match_cells(mesh, stored["cells"], path)
         nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
         muscles = {}
@@ -163,7 +173,7 @@ class TongueMesh:
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
-        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes)
+        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, digest=read)
 
     def region(self, name: str) -> Ints:
         """Local cells, ghosts too, of a physical volume, also of its parts that others share.

@@ -6,30 +6,30 @@ from __future__ import annotations
 import shutil
 import tempfile
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from mpi4py import MPI
 
 from ..anatomy.anatomy import Anatomy
 from ..anatomy.catalogue import resolve
+from ..anatomy.parametric.size import PRESETS
 from ..anatomy.parametric.tongue import parametric_tongue
 from ..anatomy.subject import read_subject
 from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
-from ..geometry.obstacles import Obstacle, Plane, Sphere, Triangulated, check_orientation
+from ..geometry.obstacles import OBSTACLES, Obstacle, Triangulated, check_orientation
 from ..geometry.surface import SUFFIXES, read_surface
 from ..mechanics.activation import Course, Excited
 from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
 from ..mechanics.control import OpenLoop
 from ..mechanics.model import Model
-from ..mechanics.suspension import Suspension
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..simulation.simulation import Simulation, resolve_sides
 from ..simulation.stepping import Stepping
-from ..solvers.tolerances import Tolerances
-from .schema import ContactSection, MeshSection, Scenario
+from .schema import ContactSection, MeshSection, Scenario, value_of
 
 MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
 """What a run folder keeps of a mesh that was built for it."""
@@ -39,12 +39,12 @@ def anatomy_of(source: MeshSection) -> Anatomy:
     """The anatomy that a mesh section names."""
     if source.subject is not None:
         return read_subject(Path(source.subject))
-    return parametric_tongue(source.shape.shape(), source.split)
+    return parametric_tongue(source.shape, source.split)
 
 
 def size_of(source: MeshSection) -> float:
     """Element size in m: as given, else of the preset (coarse for a subject)."""
-    return source.size or meshing.PRESETS[source.parametric or "coarse"]
+    return source.size or PRESETS[source.parametric or "coarse"]
 
 
 def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) -> Simulation:
@@ -58,7 +58,7 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) 
     InputError
         If the scenario does not fit its mesh.
     """
-    s = scenario.in_metres()
+    s = scenario
     comm = MPI.COMM_WORLD
     if s.mesh.file is not None:
         return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm))
@@ -78,7 +78,7 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) 
 
 def _contacts(s: Scenario, tongue: TongueMesh) -> dict[str, Contact]:
     """The obstacles of a scenario, in m."""
-    motions = {name: section.motion() for name, section in s.boundary.moving.items()}
+    motions = s.boundary.moving
     contacts = {}
     for name, section in s.contact.items():
         if section.moves_with is not None and section.moves_with not in motions:
@@ -86,16 +86,14 @@ def _contacts(s: Scenario, tongue: TongueMesh) -> dict[str, Contact]:
             raise InputError(f"contact.{name}.moves_with: {section.moves_with!r} does not move; moving in boundary.moving: {known}.")
         obstacle = on_rank_zero(tongue.comm, lambda name=name, section=section: _obstacle(name, section, tongue))
         motion = motions.get(section.moves_with or "")
-        numbers = section.model_dump(include={"form", "theta", "stiffness", "tolerance", "touching"})
-        contacts[name] = Contact(obstacle, motion=motion, **numbers)
+        contacts[name] = value_of(Contact, section, obstacle=obstacle, motion=motion)
     return contacts
 
 
 def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacle:
-    if section.plane is not None:
-        return Plane(section.plane.point, section.plane.normal)
-    if section.sphere is not None:
-        return Sphere(section.sphere.centre, section.sphere.radius)
+    for kind in OBSTACLES:
+        if (obstacle := getattr(section, kind)) is not None:
+            return cast(Obstacle, obstacle)
     source = section.surface or name
     if Path(source).suffix in SUFFIXES:
         surface = read_surface(Path(source))
@@ -118,24 +116,24 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
     model = Model(
         tongue,
-        tissue=s.tissue_value(),
-        contraction=Contraction(**s.muscles.model_dump(exclude={"sigma_max"})),
+        tissue=s.tissue.tissue(s.muscles.sigma_max),
+        contraction=value_of(Contraction, s.muscles),
         fixed=s.boundary.fixed,
-        moving={name: section.motion() for name, section in s.boundary.moving.items()},
-        suspended={name: Suspension(**section.model_dump()) for name, section in s.boundary.suspended.items()},
+        moving=s.boundary.moving,
+        suspended=s.boundary.suspended,
         contacts=_contacts(s, tongue),
         mixed=s.tissue.formulation == "mixed",
         gravity=s.gravity.vector,
         gravity_rise=s.gravity.rise,
     )
     resolve_sides(OpenLoop(activation_of(s)), model)
-    step_max = s.time.step or s.time.step_max
-    step_min = min(1e-5, step_max) if s.time.step_min is None else s.time.step_min
+    step_min = min(Stepping.step_min, s.time.largest) if s.time.step_min is None else s.time.step_min
+    steps = {"step_max": s.time.largest, "step_min": step_min, "output_every": s.output.every, "fields": s.output.fields}
     return Simulation(
         model,
         s.probes,
-        Stepping(step_max, step_min, s.time.spectral_radius, s.output.every, s.time.quasi_static, s.output.fields, s.time.tolerance),
-        Tolerances(s.solver.rtol, s.solver.atol, s.solver.linear, s.solver.max_newton),
+        value_of(Stepping, s.time, **steps),
+        s.solver,
     )
 
 
@@ -144,4 +142,4 @@ def activation_of(scenario: Scenario) -> dict[str, Course]:
     courses = {name: section.course() for name, section in scenario.activation.items()}
     if scenario.excitation is None:
         return dict(courses)
-    return {name: Excited(course, scenario.excitation.rise, scenario.excitation.fall) for name, course in courses.items()}
+    return {name: value_of(Excited, scenario.excitation, excitation=course) for name, course in courses.items()}

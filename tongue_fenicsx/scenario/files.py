@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 import tomllib
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from ..core.errors import InputError, reading
+from ..core.values import explain
 from ..geometry.surface import SUFFIXES
-from .schema import ActivationSection, ContactSection, MotionSection, Scenario, SuspensionSection
+from .schema import Scenario
 
 
 def load(path: Path, changes: list[str] | None = None) -> Scenario:
@@ -49,7 +49,7 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path}: {explain(error)}") from error
+        raise InputError(f"{path}: {explain(error, Scenario)}") from error
 
 
 def _change(data: dict[str, Any], change: str) -> None:
@@ -67,55 +67,6 @@ def _change(data: dict[str, Any], change: str) -> None:
         if not isinstance(table, dict):
             raise InputError(f"--set {change}: {parent} is a value, not a table.")
     table[last] = value
-
-
-def explain(error: ValidationError) -> str:
-    """The first error of a validation as a sentence with the key, the fault and what is accepted."""
-    first = error.errors()[0]
-    where = [part for part in first["loc"] if not (isinstance(part, str) and part.startswith("tuple["))]
-    key = ".".join(map(str, where))
-    if first["type"] == "extra_forbidden":
-        known = _known_keys(where[:-1])
-        near = get_close_matches(str(where[-1]), known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        return f"unknown key {key!r}; {hint}Known here: {', '.join(known)}."
-    if first["type"] == "missing":
-        if isinstance(where[-1], int):
-            return f"{'.'.join(map(str, where[:-1]))}: more numbers are expected (given: {first.get('input')!r})."
-        return f"the key {key!r} is missing."
-    if first["type"] in ("model_type", "dict_type"):
-        return f"{key}: a table is expected (given: {first.get('input')!r})."
-    if where[0] == "probes" and len(where) > 1:
-        return f"{'.'.join(map(str, where[:2]))}: the name of a landmark or three numbers [x, y, z] are expected."
-    message = first["msg"].removeprefix("Value error, ")
-    given = first.get("input")
-    shown = f" (given: {given!r})" if isinstance(given, str | float | int) and not isinstance(given, bool) else ""
-    return f"{key or 'scenario'}: {message[0].lower()}{message[1:].rstrip('.')}{shown}."
-
-
-NAMED: dict[str, type[BaseModel]] = {
-    "activation": ActivationSection,
-    "contact": ContactSection,
-    "moving": MotionSection,
-    "suspended": SuspensionSection,
-}
-"""Tables of tables that the user names."""
-
-
-def _known_keys(where: list[Any]) -> list[str]:
-    model: type[BaseModel] = Scenario
-    for part in where:
-        field = model.model_fields.get(str(part))
-        if field is None:  # a table named by the user
-            continue
-        if part in NAMED:
-            model = NAMED[part]
-            continue
-        kind = field.annotation
-        if not (isinstance(kind, type) and issubclass(kind, BaseModel)):
-            continue
-        model = kind
-    return list(model.model_fields)
 
 
 def dump(scenario: Scenario) -> str:

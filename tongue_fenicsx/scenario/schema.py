@@ -1,80 +1,70 @@
 # SPDX-License-Identifier: MIT
-"""A scenario: the TOML file that says what to simulate. Read and checked before anything long starts."""
+"""A scenario: the TOML file that says what to simulate; read and checked before anything long starts.
+
+The values of the package are its tables, their fields the keys; here stands which tables there are, and what only a file needs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import asdict, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
-from ..anatomy.parametric.size import TongueShape
-from ..anatomy.parametric.tongue import SPLITTABLE
+from ..anatomy.parametric.size import PRESETS, SPLITTABLE, TongueShape
+from ..core.values import Direction, Length, OneOf, Rise, Seconds, Vector, hints, in_metres, keys
+from ..geometry.obstacles import OBSTACLES
 from ..geometry.rigid_motion import RigidMotion
-from ..mechanics import hyperelasticity as passive
-from ..mechanics.activation import Activation
-from ..mechanics.contact import FORMS
-from ..mechanics.contraction import FORCE_VELOCITY
-from ..mechanics.tissue import TISSUES, Rayleigh, Tissue
-from ..meshing.build import PRESETS
-from ..simulation import fields as _standard_fields  # noqa: F401  they register themselves
-from ..simulation.quantities import FIELDS
-
-Number = Annotated[float, Field(strict=True)]
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
-Flag = Annotated[bool, Field(strict=True)]
-Seconds = Annotated[float, Field(strict=True, ge=1e-6, le=100)]
-"""Times that make sense for a tongue, so that no run is endless by a slip."""
+from ..mechanics.activation import Activation, Excited, Pieces
+from ..mechanics.contact import Contact
+from ..mechanics.contraction import Contraction
+from ..mechanics.hyperelasticity import LAWS
+from ..mechanics.suspension import Suspension
+from ..mechanics.tissue import TISSUES, Density, MassDamping, PeakStress, Rayleigh, StiffnessDamping, Tissue
+from ..simulation.stepping import Interval, Stepping
+from ..solvers.tolerances import Tolerances
 
 POSTURES = {"upright": (0.0, 0.0, -9.81), "supine": (9.81, 0.0, 0.0)}
 """Gravity in m/s² by the posture of the head: z points up, x to the back of the head."""
 
 
-def one_of(names: Collection[str]) -> AfterValidator:
-    """Accept these names only, and say which they are."""
-
-    def known(value: str) -> str:
-        if value not in names:
-            raise ValueError(f"{value!r} is not one of {', '.join(names)}")
-        return value
-
-    return AfterValidator(known)
-
-
 class Section(BaseModel):
     """A table of the scenario; unknown keys are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
-class ShapeSection(Section):
-    """Another size or form of the parametric tongue (see `shape.TongueShape`)."""
+def keys_of(kind: type, *without: str) -> dict[str, Any]:
+    """The fields of a value as keys of a table, as pydantic takes them."""
+    default = {item.name: item.default for item in fields(kind)}
+    return {name: (hint, default[name]) for name, hint in hints(kind).items() if name not in without}
 
-    length: Finite | None = None
-    width: Finite | None = None
-    height: Finite | None = None
-    root: Finite | None = None
-    tip: Finite | None = None
-    scale: Finite | None = None
 
-    def shape(self) -> TongueShape:
-        """The shape, with the drawing's values where none is given; lengths in m."""
-        return TongueShape(**self.model_dump(exclude_none=True))
+def with_keys[T: Section](**known: Any) -> Callable[[type[T]], type[T]]:
+    """Give a table further keys, each with its type and default."""
+
+    def widened(section: type[T]) -> type[T]:
+        return create_model(section.__name__, __base__=section, __module__=section.__module__, __doc__=section.__doc__, **known)
+
+    return widened
+
+
+def value_of[T](kind: type[T], section: object, **others: Any) -> T:
+    """A value with those of its fields that a section has as keys."""
+    return kind(**{name: getattr(section, name) for name in keys(kind) if name not in others}, **others)
 
 
 class MeshSection(Section):
     """Where the mesh comes from: one of a file, a preset of the parametric tongue, or a subject's folder."""
 
     file: str | None = None
-    parametric: Annotated[str, one_of(PRESETS)] | None = None
+    parametric: Annotated[str, OneOf(names=PRESETS)] | None = None
     subject: str | None = None
-    size: Positive | None = None
-    shape: ShapeSection = ShapeSection()
-    split: list[Annotated[str, one_of(SPLITTABLE)]] = []
+    size: Length | None = None
+    shape: TongueShape | None = None
+    split: list[Annotated[str, OneOf(names=SPLITTABLE)]] = []
 
     @model_validator(mode="after")
     def _one_source(self) -> MeshSection:
@@ -82,83 +72,58 @@ class MeshSection(Section):
             raise ValueError("exactly one of file, parametric and subject is expected")
         if self.size is not None and self.file is not None:
             raise ValueError("size belongs to parametric or subject; the mesh file already has one")
-        if self.parametric is None and (self.shape.model_fields_set or self.split):
+        if self.parametric is None and (self.shape is not None or self.split):
             raise ValueError("shape and split belong to parametric")
         return self
 
 
+@with_keys(**{name: (hint | None, None) for law in LAWS.values() for name, hint in hints(law).items()})
 class TissueSection(Section):
-    """Passive tissue: a preset and what differs from it; another law takes C₁₀, ν, density and damping of the preset."""
+    """A preset and what differs from it, with the numbers of the law as further keys; another law takes those that it shares."""
 
-    preset: Annotated[str, one_of(TISSUES)] = "calka"
-    law: Annotated[str, one_of(passive.LAWS)] = "yeoh"
-    c10: Positive | None = None
-    c20: NotNegative | None = None
-    c30: NotNegative | None = None
-    c01: NotNegative | None = None
-    nu: Annotated[float, Field(strict=True, gt=-1, le=0.5)] | None = None
-    volumetric: Annotated[str, one_of(passive.VOLUMETRIC)] = "quadratic"
-    formulation: Literal["displacement", "mixed"] = "displacement"
-    density: Positive | None = None
-    rayleigh_alpha: NotNegative | None = None
-    rayleigh_beta: NotNegative | None = None
+    preset: Annotated[str, OneOf(names=TISSUES)] = "calka"
+    law: Annotated[str, OneOf(names=LAWS)] = "yeoh"
+    formulation: Annotated[str, OneOf(names=("displacement", "mixed"))] = "displacement"
+    density: Density | None = None
+    rayleigh_alpha: MassDamping | None = None
+    rayleigh_beta: StiffnessDamping | None = None
 
     @model_validator(mode="after")
     def _of_the_law(self) -> TissueSection:
-        known = [item.name for item in fields(passive.LAWS[self.law])]
-        for name in ("c20", "c30", "c01"):
-            if getattr(self, name) is not None and name not in known:
+        known = keys(LAWS[self.law])
+        for name in (name for law in LAWS.values() for name in keys(law) if name not in known):
+            if getattr(self, name) is not None:
                 raise ValueError(f"{name} is no number of the law {self.law}; it has {', '.join(known)}")
+        self.tissue()
         return self
 
+    def tissue(self, peak_stress: Mapping[str, float] | None = None) -> Tissue:
+        """The tissue: the preset with the section's values in place, and these peak stresses (Pa)."""
+        preset, kind = TISSUES[self.preset], LAWS[self.law]
+        shared = {name: getattr(preset.law, name) for name in keys(kind) if hasattr(preset.law, name)}
+        given = {name: value for name in keys(kind) if (value := getattr(self, name)) is not None}
+        missing = [item.name for item in fields(kind) if item.default is MISSING and item.name not in shared | given]
+        if missing:
+            raise ValueError(f"the law {self.law} needs {', '.join(missing)}")
+        alpha, beta = self.rayleigh_alpha, self.rayleigh_beta
+        damping = Rayleigh(preset.damping.alpha if alpha is None else alpha, preset.damping.beta if beta is None else beta)
+        density = preset.density if self.density is None else self.density
+        return Tissue(kind(**(shared | given)), density, damping, {**preset.peak_stress, **(peak_stress or {})}, preset.source)
 
-class MuscleSection(Section):
+
+@dataclass(frozen=True)
+class MuscleSection(Contraction):
     """The active law; ``sigma_max`` (Pa, by muscle) replaces values of the tissue's table."""
 
-    force_velocity: Annotated[str, one_of(FORCE_VELOCITY)] = "grenoble"
-    optimal_stretch: Annotated[float, Field(strict=True, ge=0.5, le=2)] = 1.0
-    tendon_length: NotNegative = 6e-3
-    deviatoric: Flag = True
-    passive_fibres: Flag = False
-    stiffening: Flag = False
-    sigma_max: dict[str, NotNegative] = {}
-
-
-Point = tuple[Finite, Finite, Finite]
-
-
-class MotionSection(Section):
-    """The motion of a bone: pieces of duration in s, start and target, of an angle in degrees and of a translation."""
-
-    angle: list[tuple[Seconds, Finite, Finite]] = []
-    translation: list[tuple[Seconds, Point, Point]] = []
-    centre: Point = (0.0, 0.0, 0.0)
-    axis: Point = (0.0, 1.0, 0.0)
-
-    @model_validator(mode="after")
-    def _moves(self) -> MotionSection:
-        self.motion()
-        return self
-
-    def motion(self) -> RigidMotion:
-        """The motion."""
-        return RigidMotion(**dict(self))
-
-
-class SuspensionSection(Section):
-    """A rigid bone on springs: mass in kg, stiffness in N/m, damping in N s/m."""
-
-    mass: NotNegative = 5e-3
-    stiffness: NotNegative = 1760.0
-    damping: NotNegative = 0.0
+    sigma_max: Mapping[str, PeakStress] = field(default_factory=dict)
 
 
 class BoundarySection(Section):
     """Tagged surfaces that do not move (mandible and hyoid by default), those that move with a bone, and bones on springs."""
 
     fixed: list[str]
-    moving: dict[str, MotionSection] = {}
-    suspended: dict[str, SuspensionSection] = {}
+    moving: dict[str, RigidMotion] = {}
+    suspended: dict[str, Suspension] = {}
 
     @model_validator(mode="before")
     @classmethod
@@ -169,46 +134,26 @@ class BoundarySection(Section):
         return data
 
 
-class PlaneSection(Section):
-    """A point of a plane and its normal, which points to the free side."""
-
-    point: Point
-    normal: Point
-
-
-class SphereSection(Section):
-    """A ball."""
-
-    centre: Point
-    radius: Positive
-
-
+@with_keys(**{name: (kind | None, None) for name, kind in OBSTACLES.items()}, **keys_of(Contact, "obstacle", "motion"))
 class ContactSection(Section):
     """An obstacle, and how it is met: a bone of the mesh or a surface file, a plane or a sphere; else the bone of the table's name."""
 
     surface: str | None = None
-    plane: PlaneSection | None = None
-    sphere: SphereSection | None = None
-    form: Annotated[str, one_of(FORMS)] = "nitsche"
-    theta: Literal[-1, 0, 1] = 0
-    stiffness: Positive = 1.0
-    tolerance: Positive = 0.05e-3
-    touching: Positive = 0.2e-3
     moves_with: str | None = None
 
     @model_validator(mode="after")
     def _one_obstacle(self) -> ContactSection:
-        if sum(source is not None for source in (self.surface, self.plane, self.sphere)) > 1:
-            raise ValueError("one of surface, plane and sphere is expected")
+        if sum(getattr(self, name) is not None for name in ("surface", *OBSTACLES)) > 1:
+            raise ValueError(f"one of surface, {' and '.join(OBSTACLES)} is expected")
         return self
 
 
 class GravitySection(Section):
     """Gravity in m/s², also by the posture of the head, and the time in s over which it grows from zero."""
 
-    acceleration: Point = (0.0, 0.0, 0.0)
-    posture: Literal["upright", "supine"] | None = None
-    rise: NotNegative = 0.1
+    acceleration: Direction = (0.0, 0.0, 0.0)
+    posture: Annotated[str, OneOf(names=POSTURES)] | None = None
+    rise: Rise = 0.1
 
     @model_validator(mode="after")
     def _one_direction(self) -> GravitySection:
@@ -217,43 +162,46 @@ class GravitySection(Section):
         return self
 
     @property
-    def vector(self) -> Point:
+    def vector(self) -> Sequence[float]:
         """Gravity in m/s²."""
         return self.acceleration if self.posture is None else POSTURES[self.posture]
 
 
+@with_keys(**keys_of(Stepping, "step_max", "step_min", "output_every", "fields"))
 class TimeSection(Section):
-    """Time in s."""
+    """Time in s: one fixed `step`, or the largest and, with a tolerance, the smallest one."""
 
     end: Seconds
     step: Seconds | None = None
-    step_max: Seconds = 5e-3
+    step_max: Seconds | None = None
     step_min: Seconds | None = None
-    tolerance: Annotated[float, Field(strict=True, gt=0, lt=1)] | None = None
-    spectral_radius: Annotated[float, Field(strict=True, ge=0, le=1)] = 0.8
-    quasi_static: Flag = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_step(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "step" not in data:
+            return {"step_max": Stepping.step_max} | data if isinstance(data, dict) else data
+        if data.get("step_max") is not None:
+            raise ValueError("either step or step_max is expected, not both")
+        return data
+
+    @property
+    def largest(self) -> float:
+        """The largest step in s."""
+        return float(self.step or self.step_max or Stepping.step_max)
 
 
 class OutputSection(Section):
     """Time in s between stored fields, and which beside the usual ones."""
 
-    every: Annotated[float, Field(strict=True, ge=1e-4, le=100)] = 0.01
-    fields: list[Annotated[str, one_of(FIELDS)]] = []
-
-
-class SolverSection(Section):
-    """Accuracy of each step: residual over that of the first guess, residual in N, and the linear solves."""
-
-    rtol: Annotated[float, Field(strict=True, gt=0, lt=1)] = 1e-4
-    atol: Positive = 1e-9
-    linear: Annotated[float, Field(strict=True, gt=0, lt=1)] = 1e-3
-    max_newton: Annotated[int, Field(strict=True, ge=1, le=1000)] = 15
+    every: Interval = Stepping.output_every
+    fields: list[str] = []
 
 
 class ActivationSection(Section):
     """Pieces of duration in s, start level and target level, or a CSV table of times in s and levels."""
 
-    pieces: list[tuple[Seconds, Number, Number]] | None = None
+    pieces: Pieces | None = None
     table: str | None = None
 
     @model_validator(mode="after")
@@ -269,87 +217,31 @@ class ActivationSection(Section):
         return Activation(self.pieces) if self.pieces is not None else Activation.from_table(Path(str(self.table)))
 
 
+@with_keys(**keys_of(Excited, "excitation"))
 class ExcitationSection(Section):
     """Time constants in s with which activation follows the given levels."""
 
-    rise: Seconds = 0.01
-    fall: Seconds = 0.04
-
 
 class Scenario(Section):
-    """A whole scenario, lengths as in the file; `in_metres` gives the one to compute with."""
+    """A whole scenario; lengths that a file gives in mm are in m here (gravity is always in m/s²)."""
 
-    units: Literal["m", "mm"] = "m"
+    units: Annotated[str, OneOf(names=("m", "mm"))] = "m"
     mesh: MeshSection
-    tissue: TissueSection = TissueSection()
+    tissue: TissueSection = Field(default_factory=TissueSection)
     muscles: MuscleSection = MuscleSection()
     boundary: BoundarySection = Field(default_factory=lambda: BoundarySection.model_validate({}))
     gravity: GravitySection = GravitySection()
     contact: dict[str, ContactSection] = {}
     time: TimeSection
     output: OutputSection = OutputSection()
-    solver: SolverSection = SolverSection()
+    solver: Tolerances = Tolerances()
     activation: dict[str, ActivationSection] = {}
     excitation: ExcitationSection | None = None
-    probes: dict[str, str | Point] | None = None
+    probes: dict[str, Annotated[str | Sequence[float], Vector("m", named=True)]] | None = None
 
-    def in_metres(self) -> Scenario:
-        """The same scenario with every length in m (gravity is always in m/s²)."""
-        if self.units == "m":
-            return self
-        given = {} if self.mesh.shape is None else self.mesh.shape.model_dump(exclude_none=True)
-        form = {name: value if name == "scale" else 1e-3 * value for name, value in given.items()}
-        mesh = self.mesh.model_copy(
-            update={
-                "size": None if self.mesh.size is None else 1e-3 * self.mesh.size,
-                "shape": ShapeSection(**form),
-            }
-        )
-        written = self.muscles.model_fields_set
-        tendon = 1e-3 * self.muscles.tendon_length if "tendon_length" in written else self.muscles.tendon_length
-        probes = self.probes and {name: p if isinstance(p, str) else _metres(p) for name, p in self.probes.items()}
-        moving = {
-            name: m.model_copy(
-                update={"centre": _metres(m.centre), "translation": [(d, _metres(a), _metres(b)) for d, a, b in m.translation]}
-            )
-            for name, m in self.boundary.moving.items()
-        }
-        contact = {name: section.model_copy(update=_lengths(section)) for name, section in self.contact.items()}
-        return self.model_copy(
-            update={
-                "units": "m",
-                "contact": contact,
-                "mesh": mesh,
-                "muscles": self.muscles.model_copy(update={"tendon_length": tendon}),
-                "boundary": self.boundary.model_copy(update={"moving": moving}),
-                "probes": probes,
-            }
-        )
-
-    def tissue_value(self) -> Tissue:
-        """The tissue: the preset with the scenario's values in place."""
-        given, preset = self.tissue, TISSUES[self.tissue.preset]
-        kind = passive.LAWS[given.law]
-        base = asdict(preset.law) | {"c01": 0.0}  # type: ignore[call-overload]
-        numbers = {item.name: base[item.name] if (value := getattr(given, item.name)) is None else value for item in fields(kind)}
-        alpha, beta = given.rayleigh_alpha, given.rayleigh_beta
-        damping = Rayleigh(preset.damping.alpha if alpha is None else alpha, preset.damping.beta if beta is None else beta)
-        density = preset.density if given.density is None else given.density
-        return Tissue(kind(**numbers), density, damping, {**preset.peak_stress, **self.muscles.sigma_max}, preset.source)
-
-
-def _metres(point: Point) -> Point:
-    """A point or length that is given in mm."""
-    return (1e-3 * point[0], 1e-3 * point[1], 1e-3 * point[2])
-
-
-def _lengths(contact: ContactSection) -> dict[str, Any]:
-    """What of a contact changes from mm to m."""
-    update: dict[str, Any] = {}
-    if contact.plane is not None:
-        update["plane"] = contact.plane.model_copy(update={"point": _metres(contact.plane.point)})
-    if contact.sphere is not None:
-        update["sphere"] = SphereSection(centre=_metres(contact.sphere.centre), radius=1e-3 * contact.sphere.radius)
-    for name in {"tolerance", "touching"} & contact.model_fields_set:
-        update[name] = 1e-3 * getattr(contact, name)
-    return update
+    @model_validator(mode="before")
+    @classmethod
+    def _in_metres(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("units") == "mm":
+            return in_metres(cls, data) | {"units": "m"}
+        return data

@@ -132,7 +132,11 @@ class Simulation:
 
         kinks = [*model.kinks, *control.kinks]
         writer = RunWriter(store, engine.weak.V, self.probes.rest)
-        identity = self._identify(control, t_end)
+        parts = self.model.fingerprint() | self._fingerprint()
+
+        def identity(t: float) -> dict[str, str]:
+            return parts | {"activation": fingerprint(control, t)}
+
         loop = Loop(engine, model, self.stepping, levels, t_end, kinks, writer, identity, str(output or "memory"), report, after_step)
         with ExitStack() as stack:
             log = None
@@ -163,10 +167,10 @@ class Simulation:
             self._engine = Engine(self.model, muscles, self.probes, self.stepping, self.tolerances)
         return self._engine
 
-    def _identify(self, control: Control, t_end: float) -> dict[str, str]:
-        """Fingerprint of each part of what makes the motion, but not of where it is written or when it ends."""
-        parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest, "activation": control}
-        return {name: fingerprint(value, t_end) for name, value in parts.items()}
+    def _fingerprint(self) -> dict[str, str]:
+        """Of what makes the motion beside the model and the activation, but not of where it is written or when it ends."""
+        parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest}
+        return {name: fingerprint(value) for name, value in parts.items()}
 
 
 def _control(activation: Activation) -> Control:

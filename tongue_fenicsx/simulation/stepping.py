@@ -5,15 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Annotated
 
 from ..core.errors import InputError
+from ..core.values import Below1, Flag, Real, Seconds, Share, checked
 
+Interval = Annotated[float, Real("s", low=1e-4, high=100)]
 Report = Callable[["Progress"], None]
 
 
 @dataclass(frozen=True)
+@checked("time")
 class Stepping:
     """How time advances.
 
@@ -35,20 +37,15 @@ class Stepping:
         Fields to store beside displacement, velocity, strain and J: names of `quantities.FIELDS`.
     """
 
-    step_max: float = 5e-3
-    step_min: float = 1e-5
-    spectral_radius: float = 0.8
-    output_every: float = 0.01
-    quasi_static: bool = False
+    step_max: Seconds = 5e-3
+    step_min: Seconds = 1e-5
+    spectral_radius: Share = 0.8
+    output_every: Interval = 0.01
+    quasi_static: Flag = False
     fields: Sequence[str] = ()
-    tolerance: float | None = None
+    tolerance: Below1 | None = None
 
     def __post_init__(self) -> None:
-        if self.tolerance is not None and not 0 < self.tolerance < 1:
-            raise InputError(f"time.tolerance: {self.tolerance}; a share above 0 and below 1 is expected, such as 0.001.")
-        for name in ("step_max", "step_min", "output_every"):
-            if not (np.isfinite(value := getattr(self, name)) and value > 0):
-                raise InputError(f"{name}: {value}; a positive number of seconds is expected.")
         if self.step_min > self.step_max:
             raise InputError(f"step_min: {self.step_min} s is larger than step_max, {self.step_max} s.")
 

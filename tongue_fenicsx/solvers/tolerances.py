@@ -4,9 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from ..core.values import Below1, Real, checked
 
 
 @dataclass(frozen=True)
+@checked("solver")
 class Tolerances:
     """When a solve is done.
 
@@ -22,7 +26,7 @@ class Tolerances:
         Newton iterations before the step is cut.
     """
 
-    rtol: float = 1e-4
-    atol: float = 1e-9
-    linear: float = 1e-3
-    max_newton: int = 15
+    rtol: Below1 = 1e-4
+    atol: Annotated[float, Real("N", low=0, above=True)] = 1e-9
+    linear: Below1 = 1e-3
+    max_newton: Annotated[int, Real(low=1, high=1000, whole=True)] = 15

@@ -57,12 +57,12 @@ def move_each(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], 
     """
     found: dict[str, dict[str, Run]] = {}
     for name, case in cases.items():
-        source = case.in_metres().mesh
+        source = case.mesh
         if source.file is None:  # one file for all postures on the same mesh
             path = folder / f"mesh-{hashlib.sha256(repr(source).encode()).hexdigest()[:8]}.msh"
             source = MeshSection(file=str(solo.build_mesh(source, path)))
         for setting in SETTINGS:
-            on_mesh = with_gravity(case.in_metres(), setting).model_copy(update={"mesh": source})
+            on_mesh = with_gravity(case, setting).model_copy(update={"mesh": source})
             run, how = solo.run(on_mesh, folder / name / setting, report)
             found.setdefault(name, {})[setting] = run
             say(f"{name}, gravity {setting}: {how}")

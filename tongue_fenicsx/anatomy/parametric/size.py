@@ -4,21 +4,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
 from ...core.errors import InputError
 from ...core.types import Floats
+from ...core.values import Real, checked
 
 MM = 1e-3
-RANGES = {
-    "length": (0.058, 0.084), "width": (0.040, 0.060), "height": (0.032, 0.048), "root": (-0.005, 0.008), "tip": (-0.004, 0.010),
-    "scale": (0.4, 1.3),
-}  # fmt: skip
-"""What is accepted for each parameter of a shape, in m."""
-
 BASE = {"length": 0.070, "width": 0.050, "height": 0.0394}
 """The tongue as drawn, in m."""
 
@@ -28,12 +24,19 @@ ADULT_VOLUME = {"male": 89.9, "female": 68.9}
 DRAWN_VOLUME = 70.3
 """The same of the tongue as drawn."""
 
+PRESETS = {"coarse": 6.4e-3, "medium": 4.2e-3, "reference": 2.32e-3}
+"""Element sizes in m of the meshes of the parametric tongue that have a name."""
+
+SPLITTABLE = ("GGP", "SL")
+"""Muscles of it that may be split (see `parametric_tongue`)."""
+
 GROWTH = ((0.0, 12.0, 18.0), (0.45, 0.9, 1.0))
 """Age in years, and length, width and thickness over those of an adult: they double between birth and adolescence and
 grow on (Siebert 1985); linear in between."""
 
 
 @dataclass(frozen=True)
+@checked("shape")
 class TongueShape:
     """A tongue of another size or form; the defaults are the tongue as drawn.
 
@@ -58,19 +61,12 @@ class TongueShape:
         If a value is out of its range.
     """
 
-    length: float = BASE["length"]
-    width: float = BASE["width"]
-    height: float = BASE["height"]
-    root: float = 0.0
-    tip: float = 0.0
-    scale: float = 1.0
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value, (low, high) = getattr(self, item.name), RANGES[item.name]
-            if not low <= value <= high:  # also catches NaN
-                unit = "" if item.name == "scale" else " m"
-                raise InputError(f"shape.{item.name}: {value:g}{unit} is out of range; {low:g} to {high:g}{unit} is accepted.")
+    length: Annotated[float, Real("m", low=0.058, high=0.084)] = BASE["length"]
+    width: Annotated[float, Real("m", low=0.040, high=0.060)] = BASE["width"]
+    height: Annotated[float, Real("m", low=0.032, high=0.048)] = BASE["height"]
+    root: Annotated[float, Real("m", low=-0.005, high=0.008)] = 0.0
+    tip: Annotated[float, Real("m", low=-0.004, high=0.010)] = 0.0
+    scale: Annotated[float, Real(low=0.4, high=1.3)] = 1.0
 
     @classmethod
     def of_person(cls, sex: str = "male", age: float = 30.0) -> TongueShape:
