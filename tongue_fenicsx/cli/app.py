@@ -191,6 +191,7 @@ def report(
 @app.command()
 def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], changes: Changes = None) -> None:
     """Validate a scenario and say what would run, without running."""
+    from ..anatomy.catalogue import base_name
     from ..scenario import build as assemble
     from ..scenario.files import load
 
@@ -200,10 +201,13 @@ def check(scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")], ch
     model, tongue = simulation.model, simulation.model.tongue
     n_cells = tongue.mesh.topology.index_map(3).size_global
     console.print(f"{scenario} is fine: {tongue.name}, {n_cells} tetrahedra, surfaces {', '.join(sorted(tongue.surfaces))}")
+    for name, muscle in tongue.muscles.items():
+        if muscle.direction_error is not None:
+            console.print(f"{name}: fibres {muscle.direction_error:.1f}° from the vectors of their cells on average")
     law = ", ".join(f"{name} {value:g} Pa" for name, value in model.passive.parameters.items())
     console.print(f"tissue {loaded.tissue.preset}: {law}, nu {model.passive.nu:g}, density {model.density:g} kg/m³")
     for name, course in simulation.activation.items():
-        stress = model.sigma_max.get(name, model.sigma_max.get(name.split("_")[0], 0.0))
+        stress = model.sigma_max.get(name, model.sigma_max.get(base_name(name), 0.0))
         ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
         console.print(f"{name}: {ends}, at most {stress / 1e3:g} kPa")
     for name, motion in model.moving.items():

@@ -33,6 +33,7 @@ from ..anatomy.anatomy import Anatomy, Muscle, gaps, measure
 from ..core.errors import InputError, check_outputs
 from ..core.types import Floats
 from ..geometry.fibre_bundle import FibreBundle
+from ..geometry.fibre_direction import angle_between, common_sense
 from ..geometry.surface import Surface
 
 Ints = NDArray[np.int64]
@@ -238,9 +239,8 @@ class _Locator:
         a, b, c, d = (self.mesh.points[corners[:, i]] for i in range(4))
         bary = np.linalg.solve(np.stack([b - a, c - a, d - a], axis=2), (points[inside] - a)[..., None])[..., 0]
         weights = np.column_stack([1 - bary.sum(axis=1), bary])
-        mean = np.einsum("nv,nvd->nd", weights, field.direction[np.searchsorted(field.nodes, corners)])
-        cosine = abs((mean * tangents[inside]).sum(axis=1)) / np.linalg.norm(mean, axis=1)
-        return float(np.average(np.degrees(np.arccos(np.clip(cosine, 0, 1))), weights=lengths[inside]))
+        mean = np.einsum("nv,nvd->nd", weights, common_sense(field.direction[np.searchsorted(field.nodes, corners)]))
+        return float(np.average(angle_between(mean, tangents[inside]), weights=lengths[inside]))
 
 
 def tetrahedralise(anatomy: Anatomy, size: float) -> Tetrahedra:
