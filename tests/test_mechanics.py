@@ -294,6 +294,14 @@ def test_passive_fibres(block: tf.TongueMesh, stretch: float, tension: float) ->
     assert without.slots.names == []
 
 
+def test_passive_fibres_of_an_idle_muscle_from_outside(block: tf.TongueMesh) -> None:
+    """With passive fibres a muscle from outside that is not activated is in the equations too, and its outer part rests."""
+    weak = weak_form(with_entry(block), [], sigma_max={"GGP": 3e3}, contraction=tf.Contraction("none", passive_fibres=True))
+    weak.set_time(0.0, {"MH": 1.0})
+    forces = assembled(fem.form(sum(weak.outer_work(weak.u, 0 * weak.u, ufl.TestFunction(weak.V)))))
+    assert not forces.any()
+
+
 def test_plain_fibre_stress(block: tf.TongueMesh) -> None:
     """Without the isochoric split the fibre stress is uniaxial, T f_L(λ) F a₀ ⊗ a₀/λ with the plain stretch."""
     contraction = tf.Contraction("none", tendon_length=0.0, deviatoric=False)
