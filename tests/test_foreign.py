@@ -14,6 +14,7 @@ from conftest import opened
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.parallel import on_rank_zero
 from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.geometry.tetrahedron import volumes
 
 from mpi4py import MPI  # isort: skip
 
@@ -54,7 +55,7 @@ def write_bar(path: Path, volumes: dict[str, list[int]], data: dict[str, str] | 
 
 def _volume(tongue: tf.TongueMesh, name: str) -> float:
     corners = tongue.mesh.geometry.x[tongue.mesh.geometry.dofmaps[0]]
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    volume = abs(volumes(corners))
     muscle = tongue.muscles[name]
     mine = muscle.cells < tongue.mesh.topology.index_map(3).size_local
     return float(tongue.comm.allreduce(float((muscle.weight.mean(axis=1) * volume[muscle.cells])[mine].sum())))

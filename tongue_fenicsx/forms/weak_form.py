@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 
 from ..anatomy import catalogue as muscle_facts
 from ..core.types import Expr
+from ..geometry.tetrahedron import volumes
 from ..mechanics.hyperelasticity import VOLUMETRIC, bulk_modulus
 from ..mechanics.model import Model
 from ..mechanics.suspension import Suspension
@@ -259,5 +260,5 @@ def _typical_edge(mesh: dmesh.Mesh) -> float:
     """Edge in m of the regular tetrahedron that has the mean volume of the cells."""
     owned = mesh.topology.index_map(3)
     corners = mesh.geometry.x[mesh.geometry.dofmaps[0][: owned.size_local]]
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
+    volume = abs(volumes(corners)).sum()
     return float((6 * np.sqrt(2) * mesh.comm.allreduce(float(volume)) / owned.size_global) ** (1 / 3))

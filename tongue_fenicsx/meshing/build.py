@@ -32,6 +32,7 @@ from ..anatomy import catalogue as muscle_facts
 from ..anatomy.anatomy import Anatomy, Muscle, gaps, measure
 from ..core.errors import InputError, check_outputs
 from ..core.types import Floats
+from ..geometry import tetrahedron
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.fibre_direction import angle_between, common_sense
 from ..geometry.surface import Surface
@@ -79,8 +80,7 @@ class Tetrahedra:
     @property
     def volumes(self) -> Floats:
         """Volume of each cell, (m,), in m³."""
-        a, b, c, d = (self.points[self.cells[:, i]] for i in range(4))
-        return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6)
+        return tetrahedron.volumes(self.points[self.cells])
 
     @property
     def n_quadratic_nodes(self) -> int:

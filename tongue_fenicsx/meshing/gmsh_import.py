@@ -25,6 +25,7 @@ from ..core.errors import InputError, reading
 from ..core.types import Floats
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.fibre_direction import angle_between, common_sense, dyads, main_axis
+from ..geometry.tetrahedron import volumes
 from .build import lump
 
 Direction = Callable[[Floats], Floats]
@@ -87,9 +88,8 @@ def muscles_of_model(path: Path) -> dict[str, Any] | None:
         own = np.flatnonzero(share > 0)
         if len(own) == 0:
             raise InputError(f"{path}: muscle {name!r} has an empty region.")
-        corners = points[cells[own]]
-        volumes = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
-        used, weight = lump(cells[own], np.repeat((share[own] * volumes / 4)[:, None], 4, axis=1), volumes)
+        volume = abs(volumes(points[cells[own]]))
+        used, weight = lump(cells[own], np.repeat((share[own] * volume / 4)[:, None], 4, axis=1), volume)
         muscles[name] = {"cells": own, "nodes": used, "weight": weight}
         if name in rules:
             muscles[name]["direction"] = rules[name](points[used])
@@ -101,7 +101,7 @@ def muscles_of_model(path: Path) -> dict[str, Any] | None:
                 )
             muscles[name]["direction"] = at_nodes = _nodal(given, local, len(used))
             field = common_sense(at_nodes[local]).mean(axis=1)
-            muscles[name]["direction_error"] = float(np.average(angle_between(field, given), weights=share[own] * volumes))
+            muscles[name]["direction_error"] = float(np.average(angle_between(field, given), weights=share[own] * volume))
     return {"name": path.stem, "cells": cells, "muscles": muscles, "landmarks": {}, "bones": {}}
 
 

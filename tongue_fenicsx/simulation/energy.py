@@ -16,6 +16,7 @@ from ..forms.assembly import assembled
 from ..forms.contact_terms import ContactMeasures
 from ..forms.nodal_forces import Forces, Scheme
 from ..forms.weak_form import WeakForm
+from ..geometry.tetrahedron import volumes
 
 ENERGIES = ("kinetic", "elastic", "muscle_work", "gravity_work", "support_work", "contact_work", "dissipated")
 
@@ -101,8 +102,7 @@ class Measures:
         points, weights = quadrature.points_and_weights(weak.model.quadrature_degree)
         self._cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
         corners = mesh.geometry.x[mesh.geometry.dofmaps[0][self._cells]]
-        edges = corners[:, 1:] - corners[:, :1]
-        self.weights = abs(np.linalg.det(edges))[:, None] * weights
+        self.weights = 6 * abs(volumes(corners))[:, None] * weights
         self.volume = self.sum(np.ones_like(self.weights))
         self._points = np.einsum("qv,cvd->cqd", np.column_stack([1 - points.sum(axis=1), points]), corners)
         F, w = ufl.Identity(3) + ufl.grad(u), ufl.TestFunction(weak.V)
