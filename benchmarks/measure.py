@@ -19,6 +19,7 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.forms import jit
 from tongue_fenicsx.forms.weak_form import WeakForm
 from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.meshing.presets import PRESETS as SIZES
 from tongue_fenicsx.solvers.newton import Newton
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
@@ -42,7 +43,7 @@ def mesh(preset: str | float, folder: Path) -> Path:
     path = folder / f"tongue_{preset}.msh"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        meshing.build(tf.parametric_tongue(), path, meshing.PRESETS[preset] if isinstance(preset, str) else preset)
+        meshing.build(tf.parametric_tongue(), path, SIZES[preset] if isinstance(preset, str) else preset)
     return path
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import gmsh
@@ -21,6 +23,7 @@ from tongue_fenicsx.anatomy.comparison import compare
 from tongue_fenicsx.anatomy.parametric.size import TongueShape
 from tongue_fenicsx.geometry.tetrahedron import volumes
 from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.meshing.presets import PRESETS
 from tongue_fenicsx.plotting import anatomy_figures as portraits
 
 TABLE_VOLUME = {
@@ -313,7 +316,7 @@ def test_subject_is_repaired_and_measured(scratch: Path) -> None:
 
 def test_reference_mesh(parametric: tf.Anatomy, scratch: Path) -> None:
     """The reference preset is at least as large as the chapter's mesh, and of good quality."""
-    figures = meshing.build(parametric, scratch / "reference.msh", meshing.PRESETS["reference"])
+    figures = meshing.build(parametric, scratch / "reference.msh", PRESETS["reference"])
     assert figures["n_nodes"] >= 58_526
     assert figures["n_cells"] >= 40_102
     assert figures["min_sicn"] >= 0.2
@@ -448,3 +451,17 @@ def test_inside_out_surface_is_turned(scratch: Path) -> None:
     anatomy = tf.read_subject(folder)
     assert anatomy.surface.volume > 0
     assert any("the normals pointed inward and were turned" in note for note in anatomy.notes)
+
+
+def test_names_cost_no_libraries() -> None:
+    """What a scenario needs to be checked is imported without the libraries that draw, mesh and repair."""
+    code = """if True:
+        import sys
+        from tongue_fenicsx.anatomy.parametric.size import SPLITTABLE, TongueShape
+        from tongue_fenicsx.geometry.rigid_motion import RigidMotion
+        from tongue_fenicsx.geometry.surface import SUFFIXES
+        from tongue_fenicsx.meshing.presets import PRESETS
+        print(sorted({"dolfinx", "gmsh", "h5py", "matplotlib", "pymeshfix", "pyvista", "scipy"} & set(sys.modules)))
+    """
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

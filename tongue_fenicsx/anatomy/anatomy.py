@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyvista as pv
 
 from ..core.types import Bools, Floats
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.polyline import arc_length
 from ..geometry.surface import Surface
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 TIP_DIRECTION = np.array([-np.cos(np.radians(20)), 0.0, np.sin(np.radians(20))])
 

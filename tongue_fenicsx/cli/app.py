@@ -69,6 +69,7 @@ def build(
 
     from ..core.parallel import on_rank_zero
     from ..meshing import build as meshing
+    from ..meshing.presets import PRESETS
     from ..scenario import build as assemble
     from ..scenario.schema import MeshSection
     from . import mesh_table as shown
@@ -78,9 +79,9 @@ def build(
     if subject is not None and (shape or sex or split or age is not None):
         raise InputError("--shape, --sex, --age and --split belong to the parametric tongue, not to a subject.")
     preset = "coarse" if preset is None else preset
-    if preset not in meshing.PRESETS:
-        raise InputError(f"--preset: {preset!r} is not one of {', '.join(meshing.PRESETS)}.")
-    element = meshing.PRESETS[preset] if size is None else 1e-3 * size
+    if preset not in PRESETS:
+        raise InputError(f"--preset: {preset!r} is not one of {', '.join(PRESETS)}.")
+    element = PRESETS[preset] if size is None else 1e-3 * size
 
     def work() -> dict[str, Any]:
         from ..anatomy.comparison import compare
@@ -328,7 +329,7 @@ def postures(
 
 def _solo_options(mesh: Path | None, preset: str | None, tissue: str, some: list[str] | None, known: Collection[str]) -> str:
     """Check what calibrate, atlas and verify have in common; return the preset."""
-    from ..meshing.build import PRESETS
+    from ..meshing.presets import PRESETS
     from ..scenario.schema import TISSUES
 
     if mesh is not None and preset is not None:

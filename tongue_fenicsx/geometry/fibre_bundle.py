@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..core.types import Bools, Floats
 from .fibre_direction import dyads, main_axis
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 class FibreBundle:
@@ -45,6 +48,8 @@ class FibreBundle:
 
     @cached_property
     def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
         return cKDTree(self.segments[0])
 
     def within(self, points: Floats, radius: float) -> Bools:

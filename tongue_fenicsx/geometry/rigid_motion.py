@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from ..core.types import Floats
@@ -60,6 +59,8 @@ class RigidMotion:
 
     def pose(self, t: float) -> tuple[Floats, Floats]:
         """Rotation (3, 3) and offset (3,) in m at time `t` (s): a point X of the rest shape is at R X + offset."""
+        from scipy.spatial.transform import Rotation
+
         unit = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
         turn = Rotation.from_rotvec(_reached(self.angle, t, 0.0) * unit, degrees=True).as_matrix()
         return turn, self.centre - turn @ self.centre + _reached(self.translation, t, np.zeros(3))

@@ -6,17 +6,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
-import pymeshfix
-import pyvista as pv
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, eye_array
-from scipy.spatial import cKDTree
 
 from ..core.errors import InputError, quiet, reading
 from ..core.types import Floats, Ints
+
+if TYPE_CHECKING:
+    import h5py
+    import pyvista as pv
 
 LABEL = "<U32"
 SUFFIXES = (".stl", ".obj", ".ply", ".vtp", ".vtu")
@@ -70,6 +70,9 @@ class Surface:
 
         On a sphere of radius R the normals within the distance s have a mean of length 1 − s²/(4R²); this is solved for R.
         """
+        from scipy.sparse import csr_array, eye_array
+        from scipy.spatial import cKDTree
+
         a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
         normal = np.cross(b - a, c - a) / 2
         area = np.linalg.norm(normal, axis=1)
@@ -93,6 +96,8 @@ class Surface:
 
         Works on open surfaces too, near their faces; distances are exact to the triangles (VTK's implicit distance).
         """
+        import pyvista as pv
+
         probe = pv.PolyData(np.ascontiguousarray(points)).compute_implicit_distance(self.to_pyvista())
         return np.asarray(probe["implicit_distance"], dtype=float)
 
@@ -109,6 +114,8 @@ class Surface:
 
     def to_pyvista(self) -> pv.PolyData:
         """The same surface as a `pyvista.PolyData`."""
+        import pyvista as pv
+
         return pv.PolyData.from_regular_faces(self.points, self.triangles)
 
     def nearest_triangle(self, points: Floats) -> tuple[Ints, Floats]:
@@ -125,6 +132,8 @@ def read_surface(path: Path) -> Surface:
     InputError
         If the file is missing, unreadable or holds no triangles.
     """
+    import pyvista as pv
+
     with reading(path, "a surface in STL, OBJ, PLY, VTP or VTU"), quiet():
         mesh = pv.read(path).extract_surface(algorithm=None).triangulate().clean()
     if not np.isfinite(mesh.points).all():
@@ -158,6 +167,8 @@ def closed(surface: Surface, source: Path) -> tuple[Surface, str | None]:
         )
     note = None
     if np.any(sharing > 2):
+        import pymeshfix
+
         before, n_before = abs(surface.volume), len(surface.points)
         with quiet():
             vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))

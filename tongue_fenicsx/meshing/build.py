@@ -39,9 +39,6 @@ from ..geometry.surface import Surface
 
 Ints = NDArray[np.int64]
 
-PRESETS = {"coarse": 6.4e-3, "medium": 4.2e-3, "reference": 2.32e-3}
-"""Element size in m away from the attachments."""
-
 REFINEMENT, REFINED_WITHIN = 0.7, 10e-3
 """Elements at a bonded area have this fraction of the size; it grows back to 1 over the distance in m."""
 

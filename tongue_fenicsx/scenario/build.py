@@ -24,6 +24,7 @@ from ..mechanics.contraction import Contraction
 from ..mechanics.model import Model, Rayleigh
 from ..mechanics.suspension import Suspension
 from ..meshing import build as meshing
+from ..meshing.presets import PRESETS
 from ..meshing.tongue_mesh import TongueMesh
 from ..simulation.simulation import Simulation
 from ..simulation.stepping import Stepping
@@ -43,7 +44,7 @@ def anatomy_of(source: MeshSection) -> Anatomy:
 
 def size_of(source: MeshSection) -> float:
     """Element size in m: as given, else of the preset (coarse for a subject)."""
-    return source.size or meshing.PRESETS[source.parametric or "coarse"]
+    return source.size or PRESETS[source.parametric or "coarse"]
 
 
 def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) -> Simulation:

@@ -11,14 +11,13 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from ..anatomy import catalogue as muscles
-from ..anatomy.parametric.size import TongueShape
-from ..anatomy.parametric.tongue import SPLITTABLE
+from ..anatomy.parametric.size import SPLITTABLE, TongueShape
 from ..geometry.rigid_motion import RigidMotion
 from ..mechanics import hyperelasticity as passive
 from ..mechanics.activation import Activation
 from ..mechanics.contact import FORMS
 from ..mechanics.contraction import FORCE_VELOCITY
-from ..meshing.build import PRESETS
+from ..meshing.presets import PRESETS
 from ..simulation.fields import EXTRA_FIELDS
 
 Number = Annotated[float, Field(strict=True)]

@@ -19,6 +19,9 @@ RANGES = {
 }  # fmt: skip
 """What is accepted for each parameter of a shape, in m."""
 
+SPLITTABLE = ("GGP", "SL")
+"""Muscles that can be split further."""
+
 BASE = {"length": 0.070, "width": 0.050, "height": 0.0394}
 """The tongue as drawn, in m."""
 

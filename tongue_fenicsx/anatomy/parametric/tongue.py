@@ -24,7 +24,7 @@ from ..anatomy import Anatomy, Muscle
 from ..catalogue import pcsa
 from .bones import parametric_bones
 from .profile import Profile
-from .size import TongueShape
+from .size import SPLITTABLE, TongueShape
 
 
 def parametric_tongue(shape: TongueShape | None = None, split: Collection[str] = ()) -> Anatomy:
@@ -241,8 +241,6 @@ RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
 }
 """Fibres and the radius in mm around them that the muscle fills, for the muscles that have a left and a right."""
 
-
-SPLITTABLE = ("GGP", "SL")
 
 HYOID_FIBRES = 5.0
 """Genioglossus fibres up to this angle above the horizontal run to the hyoid (part GGh of Calka et al. 2025)."""
