@@ -19,6 +19,7 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.forms import jit, quadrature
 from tongue_fenicsx.forms.fibre_slots import tendon_factor
 from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.mechanics.contraction import FORCE_VELOCITY
 from tongue_fenicsx.mechanics.hyperelasticity import bulk_modulus
 from tongue_fenicsx.meshing.tongue_mesh import MuscleEntry
 from tongue_fenicsx.testing import homogeneous, stress_at, with_fibres
@@ -340,3 +341,18 @@ def test_quadrature_is_positive_and_exact(degree: int) -> None:
 def test_bulk_modulus() -> None:
     """The chapter's κ: 19.2 kPa for its tissue."""
     assert bulk_modulus(tf.Yeoh.calka()) == pytest.approx(19.2e3)
+
+
+@pytest.mark.parametrize("law", ["grenoble", "hill"])
+def test_force_velocity_has_no_corner(law: str) -> None:
+    """Where the factor reaches 0 its slope changes gradually, and from 0.03 on it is the published curve."""
+    rates = np.linspace(-9.0, -2.0, 701)
+    factor = np.array([FORCE_VELOCITY[law](ufl.as_ufl(float(rate)))(()) for rate in rates])
+    bend = np.diff(factor, 2) / np.diff(rates)[0] ** 2
+    assert factor.min() == 0
+    assert abs(bend).max() < 1  # a corner has 2.7 (hill) or 16 (grenoble) at this spacing
+    assert abs(np.diff(bend)).max() < 0.3
+    if law == "hill":
+        v = rates / 7.5
+        curve = (1 + v) / (1 - 4 * v)
+        np.testing.assert_allclose(factor[curve > 0.03], curve[curve > 0.03], atol=1e-15)
