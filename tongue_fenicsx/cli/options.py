@@ -41,8 +41,8 @@ def check_single_muscles(mesh: Path | None, preset: str | None, tissue: str, som
     InputError
         If a mesh and a preset are given, or a name is not known.
     """
+    from ..anatomy.parametric.size import PRESETS
     from ..mechanics.tissue import TISSUES
-    from ..meshing.build import PRESETS
 
     if mesh is not None and preset is not None:
         raise InputError("--mesh and --preset: give one of them.")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,6 +44,7 @@ def build(
     """Mesh the parametric tongue or a real subject."""
     from mpi4py import MPI
 
+    from ...anatomy.parametric.size import PRESETS
     from ...core.parallel import on_rank_zero
     from ...meshing import build as meshing
     from ...scenario import build as assemble
@@ -53,8 +55,8 @@ def build(
     if subject is not None and (shape or sex or split or age is not None):
         raise InputError("--shape, --sex, --age and --split belong to the parametric tongue, not to a subject.")
     preset = "coarse" if preset is None else preset
-    check_name("--preset", preset, meshing.PRESETS)
-    element = meshing.PRESETS[preset] if size is None else 1e-3 * size
+    check_name("--preset", preset, PRESETS)
+    element = PRESETS[preset] if size is None else 1e-3 * size
     pictures = [output.with_name(f"{output.stem}-{name}.png") for name in ("muscles", "bones")]
 
     def work() -> dict[str, Any]:
@@ -86,14 +88,14 @@ def build(
 
 def _shape(changes: list[str], sex: str | None, age: float | None) -> TongueShape:
     """The shape that the options describe."""
-    from ...anatomy.parametric.size import RANGES, TongueShape
+    from ...anatomy.parametric.size import TongueShape
 
     if age is not None and sex is None:
         raise InputError("--age: needs --sex male or female.")
     values = {} if sex is None else {"scale": TongueShape.of_person(sex, 30.0 if age is None else age).scale}
     for change in changes:
         key, _, text = change.partition("=")
-        check_name(f"--shape {change}", key, RANGES)
+        check_name(f"--shape {change}", key, [item.name for item in fields(TongueShape)])
         try:
             number = float(text)
         except ValueError:

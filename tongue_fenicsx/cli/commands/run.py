@@ -39,7 +39,7 @@ def run(
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
             result = simulation.run(
-                assemble.activation_of(loaded), loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded.in_metres())
+                assemble.activation_of(loaded), loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded)
             )
     except KeyboardInterrupt:
         if comm.rank == 0:
