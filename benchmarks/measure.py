@@ -17,9 +17,11 @@ import numpy as np
 from petsc4py import PETSc
 
 import tongue_fenicsx as tf
+from tongue_fenicsx.anatomy.parametric.size import PRESETS as ELEMENTS
 from tongue_fenicsx.forms import jit
 from tongue_fenicsx.forms.weak_form import WeakForm
 from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
@@ -43,7 +45,7 @@ def mesh(preset: str | float, folder: Path) -> Path:
     path = folder / f"tongue_{preset}.msh"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        meshing.build(tf.parametric_tongue(), path, meshing.PRESETS[preset] if isinstance(preset, str) else preset)
+        meshing.build(tf.parametric_tongue(), path, ELEMENTS[preset] if isinstance(preset, str) else preset)
     return path
 
 
@@ -54,7 +56,7 @@ def assembly(file: Path, repeats: int) -> dict[str, dict[str, float]]:
     found = {}
     for name, muscles in (("GGP", ["GGP_L", "GGP_R"]), ("all muscles", list(tongue.muscles))):
         weak = WeakForm(tf.Model(tongue), muscles)
-        newton = Newton(weak, GeneralizedAlpha(weak.u), Tolerances(), print)
+        newton = Newton(Equations(weak, GeneralizedAlpha(weak.u)), Tolerances(), print)
         newton.forces.repack()
         times = {
             "residual": median(seconds(newton.forces.unbalanced) for _ in range(repeats)),
@@ -78,8 +80,8 @@ def _one_step(model: tf.Model) -> dict[str, float]:
     before = {event: PETSc.Log.Event(event).getPerfInfo()["time"] for of in EVENTS.values() for event in of}
     stepping = tf.Stepping(step_max=5e-3, output_every=5e-3)
     with tempfile.TemporaryDirectory() as folder:
-        run = tf.Simulation(model, {"GGP_L": tf.ramp(0.005, 0.1, 0.5)}, {"tip": (0.06, 0.015, 0.015)}, stepping).run(
-            5e-3, Path(folder) / "run"
+        run = tf.Simulation(model, {"tip": (0.06, 0.015, 0.015)}, stepping).run(
+            {"GGP_L": tf.ramp(0.005, 0.1, 0.5)}, 5e-3, Path(folder) / "run"
         )
     s = run.summary
     row = {"unknowns": s["n_dofs"], "newton": s["newton_iterations"], "krylov": s["krylov_iterations"] / s["newton_iterations"]}
@@ -98,9 +100,9 @@ def sweep(file: Path, n: int) -> dict[str, float]:
             tissue = tf.Tissue(tf.Yeoh(192.0 + i, 90.0, 0.49), 1000.0, tf.Rayleigh(20.0), {"GGP": 3000.0 + i})
             model = tf.Model(tongue, tissue)
             h = (5 + 0.02 * i) * 1e-3
-            simulation = tf.Simulation(model, {"GGP": tf.ramp(0.1, 0.25, 0.5 + 0.01 * i)}, stepping=tf.Stepping(step_max=h, output_every=h))
+            simulation = tf.Simulation(model, stepping=tf.Stepping(step_max=h, output_every=h))
             start = time.perf_counter()
-            simulation.run(h, Path(scratch) / f"run{i}")
+            simulation.run({"GGP": tf.ramp(0.1, 0.25, 0.5 + 0.01 * i)}, h, Path(scratch) / f"run{i}")
             times.append(time.perf_counter() - start)
             counts.append(sum(1 for _ in jit.cache_folder().glob("*.so")))
     found = {"values": n, "compiled by the first": counts[0], "by the others": counts[-1] - counts[0]}

@@ -71,7 +71,7 @@ def ours(n: int, steps: int) -> Peer:
     """The steps alone, without set-up."""
     stepping = tf.Stepping(step_max=STEP, output_every=steps * STEP, spectral_radius=1.0)
     with tempfile.TemporaryDirectory() as folder:
-        run = tf.Simulation(model(n, steps), probes={"tip": LENGTHS}, stepping=stepping).run(steps * STEP, Path(folder) / "run")
+        run = tf.Simulation(model(n, steps), probes={"tip": LENGTHS}, stepping=stepping).run({}, steps * STEP, Path(folder) / "run")
     s = run.summary
     return Peer("tongue_fenicsx", s["newton_iterations"], s["wall_seconds"], -1e3 * float(run.probes["tip"][-1, 2]))
 
@@ -94,7 +94,7 @@ def plain(n: int, steps: int) -> Peer:
     def march() -> None:
         nonlocal newton
         for i in range(1, steps + 1):
-            weak.set_time(i * STEP, {})
+            weak.load(i * STEP, {})
             scheme.begin(STEP)
             problem.solve()
             newton += problem.solver.getIterationNumber()

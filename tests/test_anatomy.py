@@ -312,7 +312,7 @@ def test_subject_is_repaired_and_measured(scratch: Path) -> None:
 
 def test_reference_mesh(parametric: tf.Anatomy, scratch: Path) -> None:
     """The reference preset is at least as large as the chapter's mesh, and of good quality."""
-    figures = meshing.build(parametric, scratch / "reference.msh", meshing.PRESETS["reference"])
+    figures = meshing.build(parametric, scratch / "reference.msh", 2.32e-3)
     assert figures["n_nodes"] >= 58_526
     assert figures["n_cells"] >= 40_102
     assert figures["min_sicn"] >= 0.2
@@ -352,7 +352,7 @@ def test_example_subject(scratch: Path) -> None:
     assert set(figures["muscles"]) == {"GGP_L", "GGP_R", "TRANS_L", "TRANS_R"}
     tongue = tf.TongueMesh.read(scratch / "example.msh")
     assert set(tongue.surfaces) == {"free", "mandible", "hyoid"}
-    for draw in (portraits.muscles, portraits.surroundings):
+    for draw in (portraits.draw_muscles, portraits.draw_surroundings):
         picture = pv.read(draw(anatomy, scratch / f"{draw.__name__}.png"))
         assert len(np.unique(picture.active_scalars, axis=0)) > 500
 

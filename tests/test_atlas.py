@@ -13,6 +13,7 @@ import pyvista as pv
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
+from tongue_fenicsx.analysis.movement import single_muscle_row
 from tongue_fenicsx.studies import atlas
 
 
@@ -35,7 +36,7 @@ def test_row() -> None:
         probes={name: np.array([np.zeros(3), (2e-3, 0.1 * y, -1e-3)]) for name, (_, y, _) in rest.items()},
         summary={"model": {"sigma_max": {"GGP_L": 4e3, "GGP_R": 4e3}}, "hencky_von_mises_max": 0.1, "peak_speed_m_s": 0.05},
     )
-    row = atlas.row("GGP", run)  # type: ignore[arg-type]
+    row = single_muscle_row("GGP", run)  # type: ignore[arg-type]
     assert list(row) == list(atlas.COLUMNS)
     assert row.pop("muscle") == "GGP"
     expected = {f"{name}_{axis}_mm": value for name in ("tip", "dorsum", "root") for axis, value in (("x", 2.0), ("z", -1.0))}

@@ -289,3 +289,31 @@ def test_bad_input_on_two_ranks(scenario: Path) -> None:
     result = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, env=environment)
     assert result.returncode == 2
     assert result.stderr.count("no muscle 'X'") == 1
+
+
+HEAVY = ("dolfinx", "gmsh", "matplotlib", "pymeshfix", "pyvista", "scipy", "ufl")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["chekc", "a.toml"], ["check", "a.toml", "--fast"], ["run"]])
+def test_light(arguments: list[str]) -> None:
+    """Help, and a command that is mistyped, are answered without any library that takes long to load."""
+    code = f"""
+import sys
+from tongue_fenicsx.cli.app import main
+try:
+    main({arguments!r})
+except SystemExit:
+    print("loaded:", *(name for name in {HEAVY!r} if name in sys.modules))
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert "Usage" in result.stdout or "error:" in result.stderr, result.stderr
+    assert result.stdout.splitlines()[-1].split() == ["loaded:"]
+
+
+def test_text_is_printed_as_it_is(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Brackets in names, paths and remedies are no markup."""
+    code, text = tongue(capsys, "check", "[/red]:smile:.toml")
+    assert (code, "[/red]:smile:.toml: the file does not exist" in text) == (2, True), text
+    monkeypatch.setitem(sys.modules, "dolfinx", None)
+    code, text = tongue(capsys, "doctor")
+    assert (code, "pip install 'tongue_fenicsx[wheel]'" in text) == (2, True), text

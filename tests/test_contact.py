@@ -21,6 +21,7 @@ from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.meshing import build as meshing
 from tongue_fenicsx.scenario.build import simulation_of
 from tongue_fenicsx.scenario.files import dump, load
+from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton, Outcome
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
@@ -47,8 +48,10 @@ def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) ->
 def test_the_floor_carries(block: tf.TongueMesh, scratch: Path, form: str, mixed: bool) -> None:
     """The block comes to rest on the floor: floor and wall carry its weight, it stays out, and the energies balance."""
     model = sinking(block, Contact(FLOOR, form), mixed=mixed)
-    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(output_every=0.1)).run(0.5, scratch)
-    free = tf.Simulation(sinking(block, None, mixed=mixed), probes=END, stepping=tf.Stepping(output_every=0.1)).run(0.5, scratch / "free")
+    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(output_every=0.1)).run({}, 0.5, scratch)
+    free = tf.Simulation(sinking(block, None, mixed=mixed), probes=END, stepping=tf.Stepping(output_every=0.1)).run(
+        {}, 0.5, scratch / "free"
+    )
     assert free.probes["end"][-1, 2] < -2e-3 < run.probes["end"][-1, 2] < -5e-4
     floor = run.contact["floor"]
     assert floor["force"][-1, 2] > 1e-3
@@ -74,8 +77,8 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     """A step 3 mm down to a floor 1 mm below ends at the floor; one that turns the block inside out is cut."""
     weak = WeakForm(sinking(block, Contact(FLOOR)), [])
     scheme = GeneralizedAlpha(weak.u)
-    newton = Newton(weak, scheme, Tolerances(), print)
-    weak.set_time(1.0, {})
+    newton = Newton(Equations(weak, scheme), Tolerances(), print)
+    weak.load(1.0, {})
     scheme.begin(0.1)
     newton.forces.repack()
     x, step, b = newton._x, newton._x.duplicate(), newton._b
@@ -83,7 +86,7 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     place = weak.V.tabulate_dof_coordinates()[: step.getLocalSize() // 3]
     step.array.reshape(-1, 3)[:] = np.column_stack([squeeze * place[:, 0], 0 * place[:, 0], np.full(len(place), 3e-3)])
     whole, first = step.max()[1], b.dot(step)
-    newton._shorten(x, step)
+    newton._search._shorten(x, step)
     share = step.max()[1] / whole
     x.axpy(-1.0, step)
     newton._evaluate(x, b)
@@ -103,7 +106,7 @@ def test_resume_in_contact(block: tf.TongueMesh, scratch: Path, form: str) -> No
 
     def simulate(folder: Path, end: float, resume: bool = False) -> tf.Run:
         contact = Contact(FLOOR, form, stiffness=0.05, tolerance=0.02e-3 if form == "penalty" else 0.002e-3)
-        return tf.Simulation(sinking(block, contact), probes=END).run(end, folder, resume=resume)
+        return tf.Simulation(sinking(block, contact), probes=END).run({}, end, folder, resume=resume)
 
     whole = simulate(scratch / "whole", 0.2)
     simulate(scratch / "parts", 0.15)
@@ -121,7 +124,7 @@ def test_augmentation(block: tf.TongueMesh, scratch: Path, form: str, stiffness:
     for tolerance in (1.0, tolerated):
         contact = Contact(FLOOR, form, stiffness=stiffness, tolerance=tolerance)
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run(0.1, scratch)
+        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run({}, 0.1, scratch)
         deep.append(run.contact["floor"]["penetration"][-1])
     assert deep[0] > 2 * tolerated
     assert deep[1] < tolerated
@@ -132,7 +135,7 @@ def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.Mon
 
     def simulate(folder: Path) -> tf.Run:
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        return tf.Simulation(sinking(block, Contact(FLOOR)), probes=END, stepping=stepping).run(0.1, folder)
+        return tf.Simulation(sinking(block, Contact(FLOOR)), probes=END, stepping=stepping).run({}, 0.1, folder)
 
     expected = simulate(scratch / "expected")
     right, stiffness = Newton.solve, []

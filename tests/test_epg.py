@@ -13,7 +13,7 @@ from conftest import LIVING, SUBJECT, needs_subject
 import tongue_fenicsx as tf
 from tongue_fenicsx.analysis.electropalatogram import ELECTRODES, electrodes, electropalatogram
 from tongue_fenicsx.geometry.surface import Surface, read_surface
-from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
 
 
@@ -56,7 +56,7 @@ def test_of_a_run(tongue_file: Path) -> None:
     """The rising tongue touches the margins of the palate; table, picture and obstacle stand in the run folder."""
     path = tongue_file.parent / "rise.toml"
     path.write_text(LIVING)
-    run = simulation_of(load(path), path.parent).run(0.12, path.parent / "rise")
+    run = simulation_of(load(path), path.parent).run(activation_of(load(path)), 0.12, path.parent / "rise")
     assert np.linalg.norm(run.contact["palate"]["force"][-1]) > 0.01
     assert run.contact["palate"]["penetration"].max() < 0.05e-3
     record = electropalatogram(run)

@@ -105,7 +105,7 @@ def test_names_without_fibres_are_tissue(scratch: Path) -> None:
     tongue = tf.TongueMesh.read(path)
     assert tongue.muscles == {}
     with pytest.raises(tf.InputError, match="no muscle 'GGP' in the mesh; It has no muscles with fibres"):
-        tf.Simulation(tf.Model(tongue, fixed=["mandible"]), activation={"GGP": tf.ramp(0.1, 0.1)})
+        tf.Simulation(tf.Model(tongue, fixed=["mandible"])).run({"GGP": tf.ramp(0.1, 0.1)}, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -137,6 +137,6 @@ def test_foreign_muscle_contracts(scratch: Path) -> None:
     write_bar(path, {"GGP_L": [0, 1, 2]})
     path.with_suffix(".fibres.json").write_text('{"GGP_L": {"direction": [1, 0, 0]}}')
     model = tf.Model(tf.TongueMesh.read(path), contraction=tf.Contraction("none"), fixed=["mandible"])
-    run = tf.Simulation(model, activation={"GGP_L": tf.ramp(0.02, 0.02)}, probes={"end": [LENGTH, 0.005, 0.005]}).run(0.04, scratch / "run")
+    run = tf.Simulation(model, probes={"end": [LENGTH, 0.005, 0.005]}).run({"GGP_L": tf.ramp(0.02, 0.02)}, 0.04, scratch / "run")
     assert run.probes["end"][-1, 0] < -1e-3
     assert abs(run.probes["end"][-1, 1:]).max() < 3e-4

@@ -31,7 +31,7 @@ def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, mon
             gravity=(0.0, 0.0, -9.81 * scale),
         )
         stepping = tf.Stepping(step_max=2e-3 * scale, output_every=4e-3)
-        tf.Simulation(model, {"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, stepping=stepping).run(4e-3, tmp_path / "run")
+        tf.Simulation(model, stepping=stepping).run({"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, 4e-3, tmp_path / "run")
         return {path.name for path in jit.cache_folder().iterdir()}
 
     compiled = simulate(1.0)

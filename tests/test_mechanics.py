@@ -200,7 +200,7 @@ def check_tangent(block: tf.TongueMesh, law: object, contraction: tf.Contraction
         {"law": law, "damping": tf.Rayleigh(20.0, 0.01), "peak_stress": {"GGP": 3e3}},
         contraction=contraction,
     )
-    weak.set_time(1.0, {"GGP_L": 0.6})
+    weak.load(1.0, {"GGP_L": 0.6})
     rng = np.random.default_rng(1)
     F = np.eye(3) + 0.1 * rng.standard_normal((3, 3))
     homogeneous(weak, F)
@@ -270,7 +270,7 @@ def test_tendon_carries_tension(block: tf.TongueMesh, stretch: float, tension: f
 def test_pull_from_outside(block: tf.TongueMesh) -> None:
     """At rest the pull is 0.7 × peak stress × activation × area, toward the anchor; nearer by 5 % it follows force–length."""
     weak = weak_form(with_entry(block), ["GGP_L"], tissue={"peak_stress": {"GGP": 3e3}}, contraction=tf.Contraction("none"))
-    weak.set_time(1.0, {"GGP_L": 0.4})
+    weak.load(1.0, {"GGP_L": 0.4})
     form = fem.form(sum(weak.outer_work(weak.u, 0 * weak.u, ufl.TestFunction(weak.V))))
 
     def force() -> np.ndarray:
@@ -291,7 +291,7 @@ def test_passive_fibres(block: tf.TongueMesh, stretch: float, tension: float) ->
     weak = weak_form(
         with_fibres(block), [], tissue={"peak_stress": {"GGP": 3e3}}, contraction=tf.Contraction(passive_fibres=True, **options)
     )
-    weak.set_time(0.0, {})
+    weak.load(0.0, {})
     homogeneous(weak, np.diag([stretch, stretch**-0.5, stretch**-0.5]))
     P = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
     assert P[0, 0] == pytest.approx(3e3 * tension * 2 / 3, abs=1e-6)
@@ -303,7 +303,7 @@ def test_plain_fibre_stress(block: tf.TongueMesh) -> None:
     """Without the isochoric split the fibre stress is uniaxial, T f_L(λ) F a₀ ⊗ a₀/λ with the plain stretch."""
     contraction = tf.Contraction("none", tendon_length=0.0, deviatoric=False)
     weak = weak_form(with_fibres(block), ["GGP_L"], tissue={"peak_stress": {"GGP": 3e3}}, contraction=contraction)
-    weak.set_time(0.0, {"GGP_L": 0.5})
+    weak.load(0.0, {"GGP_L": 0.5})
     homogeneous(weak, np.diag([1.1, 1.2, 0.8]))
     P = stress_at(weak, weak.active_stress(weak.u, fem.Function(weak.V)))
     np.testing.assert_allclose(P, np.diag([1500.0 * (1 - 4 * 0.1**2), 0, 0]), atol=1e-9)
@@ -317,7 +317,7 @@ def test_stiffening(block: tf.TongueMesh, level: float) -> None:
     for stiffening in (False, True):
         contraction = tf.Contraction(stiffening=stiffening, tendon_length=0.0)
         weak = weak_form(with_fibres(block), ["GGP_L"], contraction=contraction)
-        weak.set_time(0.0, {"GGP_L": level})
+        weak.load(0.0, {"GGP_L": level})
         homogeneous(weak, F)
         energies.append(stress_at(weak, weak.passive_stress(weak.u)))
     np.testing.assert_allclose(energies[1], (1 + 9 * level) * energies[0], rtol=1e-12)

@@ -53,7 +53,7 @@ def test_a_free_block_follows_its_bone(block: tf.TongueMesh, scratch: Path, mixe
     motion = tf.RigidMotion([(0.1, 0.0, 40.0)], [(0.1, (0, 0, 0), (0, 1e-3, 0))])
     model = tf.Model(block, fixed=[], moving={"left": motion}, mixed=mixed)
     stepping = tf.Stepping(step_max=0.01, output_every=0.1, quasi_static=True)
-    run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=TIGHT).run(0.1, scratch)
+    run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=TIGHT).run({}, 0.1, scratch)
     np.testing.assert_allclose(run.probes["end"][-1], motion.displacement(np.array([END["end"]]), 0.1)[0], atol=1e-8)
     assert abs(run.support["left"][-1]).max() < 1e-8
     assert abs(run.energy["support_work"][-1]) < 1e-9
@@ -64,7 +64,7 @@ def test_stretched_between_bones(block: tf.TongueMesh, scratch: Path) -> None:
     motion = tf.RigidMotion(translation=[(0.1, (0, 0, 0), (2e-3, 0, 0))])
     tissue = replace(tf.Tissue.calka(), damping=tf.Rayleigh(80.0))
     model = tf.Model(block, tissue, fixed=["left"], moving={"right": motion}, gravity=(0.0, 0.0, -9.81))
-    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(step_max=5e-3), tolerances=TIGHT).run(1.2, scratch)
+    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(step_max=5e-3), tolerances=TIGHT).run({}, 1.2, scratch)
     np.testing.assert_allclose(run.probes["end"][-1], [2e-3, 0, 0], atol=1e-12)
     assert run.summary["energy_balance_error"] < 0.01
     assert run.energy["support_work"][-1] + run.energy["gravity_work"][-1] > run.energy["elastic"][-1] > 1e-5
@@ -82,8 +82,8 @@ def test_mixed_and_moving_resume_exactly(block: tf.TongueMesh, scratch: Path) ->
         tissue = replace(tf.Tissue.calka(), law=tf.Yeoh(192.0, 90.0, 0.5))
         model = tf.Model(with_fibres(block), tissue, fixed=[], moving={"left": motion}, mixed=True)
         stepping = tf.Stepping(tolerance=1e-3)
-        simulation = tf.Simulation(model, {"GGP_L": tf.ramp(0.05, 0.1, 0.5)}, END, stepping)
-        return simulation.run(end, folder, resume=resume)
+        simulation = tf.Simulation(model, END, stepping)
+        return simulation.run({"GGP_L": tf.ramp(0.05, 0.1, 0.5)}, end, folder, resume=resume)
 
     whole = simulate(scratch / "whole", 0.06)
     simulate(scratch / "parts", 0.03)
@@ -104,7 +104,7 @@ def test_mixed_is_accurate_when_incompressible(scratch: Path) -> None:
             tongue, tf.Tissue(tf.Yeoh(1037.0, 486.0, nu), 1000.0, tf.Rayleigh(20.0)), fixed=["wall"], gravity=(0, 0, -9.81), mixed=mixed
         )
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6)).run(0.1, scratch)
+        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6)).run({}, 0.1, scratch)
         sag.append(-run.probes["end"][-1][2])
     assert sag[1] == pytest.approx(sag[0], rel=0.02)
     assert sag[2] < 0.95 * sag[3]
@@ -132,7 +132,7 @@ def test_smaller_tolerance_smaller_error(block: tf.TongueMesh, scratch: Path) ->
         tissue = replace(tf.Tissue.calka(), law=tf.Tissue.buchaillard().law)
         model = tf.Model(block, tissue, fixed=["left"], gravity=(0, 0, -9.81), gravity_rise=0.02)
         stepping = tf.Stepping(step_max=step, output_every=0.3, tolerance=tolerance)
-        return tf.Simulation(model, probes=END, stepping=stepping).run(0.3, scratch)
+        return tf.Simulation(model, probes=END, stepping=stepping).run({}, 0.3, scratch)
 
     exact = simulate(None, 1e-3).probes["end"][-1]
     coarse, fine = simulate(1e-2, 0.1), simulate(1e-3, 0.1)

@@ -251,7 +251,7 @@ def test_runs_that_did_not_end_well(block: tf.TongueMesh, done: Path, tmp_path: 
     model = tf.Model(block, fixed=["left"], gravity=(0.0, 0.0, -5e5), gravity_rise=0.01)
     stepping = tf.Stepping(step_max=5e-3, step_min=2e-3, output_every=5e-3)
     with pytest.raises(tf.SolveError):
-        tf.Simulation(model, stepping=stepping, probes={"end": (0.02, 0.005, 0.005)}).run(0.05, tmp_path / "failed")
+        tf.Simulation(model, stepping=stepping, probes={"end": (0.02, 0.005, 0.005)}).run({}, 0.05, tmp_path / "failed")
     killed = copied(done, tmp_path / "killed")
     (killed / "summary.json").unlink()
     shutil.rmtree(killed / "figures")
@@ -286,7 +286,7 @@ def test_needs_no_solver(done: Path, tmp_path: Path) -> None:
     """The command starts without DOLFINx, PETSc and UFL."""
     code = f"""
 import sys
-from tongue_fenicsx.cli import main
+from tongue_fenicsx.cli.app import main
 try:
     main(["report", {str(done)!r}, "-o", {str(tmp_path / "page.html")!r}])
 except SystemExit as leaving:

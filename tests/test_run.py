@@ -14,7 +14,7 @@ import pyvista as pv
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.parallel import on_rank_zero
-from tongue_fenicsx.simulation.energy import hencky_von_mises, weighted_percentile
+from tongue_fenicsx.simulation.strain import hencky_von_mises, weighted_percentile
 
 from mpi4py import MPI  # isort: skip
 
@@ -26,8 +26,8 @@ def simulate(
     tongue: tf.TongueMesh, folder: Path, t_end: float = 0.03, tolerances: tf.Tolerances | None = None, resume: bool = False
 ) -> tf.Run:
     stepping = tf.Stepping(step_max=5e-3, output_every=0.01)
-    simulation = tf.Simulation(tf.Model(tongue), GGP, stepping=stepping, tolerances=tolerances)
-    return simulation.run(t_end, folder, resume=resume)
+    simulation = tf.Simulation(tf.Model(tongue), stepping=stepping, tolerances=tolerances)
+    return simulation.run(GGP, t_end, folder, resume=resume)
 
 
 @pytest.fixture(scope="module")
@@ -115,9 +115,9 @@ def test_resume_is_exact(tongue: tf.TongueMesh, scratch: Path) -> None:
 def test_resume_refuses_another_problem(tongue: tf.TongueMesh, scratch: Path) -> None:
     """A checkpoint belongs to its model."""
     simulate(tongue, scratch, 0.005)
-    other = tf.Simulation(tf.Model(tongue, replace(tf.Tissue.calka(), density=900.0)), GGP)
+    other = tf.Simulation(tf.Model(tongue, replace(tf.Tissue.calka(), density=900.0)))
     with pytest.raises(tf.InputError, match="another scenario"):
-        other.run(0.01, scratch, resume=True)
+        other.run(GGP, 0.01, scratch, resume=True)
 
 
 @pytest.mark.parallel
@@ -140,7 +140,7 @@ def test_failure_is_said_and_saved(block: tf.TongueMesh, scratch: Path) -> None:
     stepping = tf.Stepping(step_max=5e-3, step_min=2e-3, output_every=5e-3)
     simulation = tf.Simulation(model, stepping=stepping, probes={"end": (0.02, 0.005, 0.005)})
     with pytest.raises(tf.SolveError, match=r"smallest J .* last good state is saved"):
-        simulation.run(0.05, scratch)
+        simulation.run({}, 0.05, scratch)
     stopped = tf.Run(scratch)
     assert stopped.summary["status"] == "failed"
     assert stopped.summary["n_rejected"] > 0
@@ -151,7 +151,7 @@ def test_free_fall_and_drag(block: tf.TongueMesh, scratch: Path) -> None:
     """A bar under gravity and mass damping: gravity's work goes into energy and heat to within 1 %."""
     tissue = replace(tf.Tissue.calka(), law=tf.Tissue.buchaillard().law)
     model = tf.Model(block, tissue, fixed=["left"], gravity=(0.0, 0.0, -9.81), gravity_rise=0.02)
-    run = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=tf.Stepping(2e-3)).run(0.06, scratch)
+    run = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=tf.Stepping(2e-3)).run({}, 0.06, scratch)
     assert run.probes["end"][-1, 2] < -1e-4
     assert run.summary["energy_balance_error"] < 0.01
     assert run.energy["gravity_work"][-1] > 0

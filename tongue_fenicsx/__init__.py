@@ -12,6 +12,8 @@ from importlib.util import find_spec as _find_spec
 
 import lazy_loader as _lazy
 
+from . import plotting as _plotting  # noqa: F401  registers the standard figures and loads nothing more
+
 _os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread per rank; must be set before BLAS loads
 if _find_spec("dolfinx_solver") is not None:
     from . import _wheel
@@ -22,8 +24,8 @@ __version__ = _version("tongue_fenicsx")
 
 _load, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 
-_ABOVE = {"Anatomy": "meshing", "parametric_tongue": "meshing", "read_subject": "meshing", "Run": "plotting", "Simulation": "plotting"}
-"""Rooms above the class that give it what its methods `mesh` and `plot` do, when they are loaded."""
+_ABOVE = {"Anatomy": "meshing", "parametric_tongue": "meshing", "read_subject": "meshing"}
+"""Rooms above the class that give it what its method `mesh` does, when they are loaded."""
 
 
 def __getattr__(name: str) -> object:

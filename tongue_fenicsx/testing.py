@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,13 +51,27 @@ class Row:
         return self.skipped or bool(self.error <= self.limit)
 
 
-def box(lengths: tuple[float, float, float], divisions: tuple[int, int, int]) -> TongueMesh:
-    """A box from the origin, with surfaces ``wall`` (x = 0) and ``free``."""
+Where = Callable[[Floats], Floats]
+"""Takes points (3, n) in m and says of each whether it belongs."""
+
+
+def box(
+    lengths: tuple[float, float, float],
+    divisions: tuple[int, int, int],
+    surfaces: Mapping[str, Where] | None = None,
+    volumes: Mapping[str, Where] | None = None,
+) -> TongueMesh:
+    """A box from the origin in m, with surfaces ``wall`` (x = 0), further ones, and ``free``; volumes have the cells that lie in them."""
     mesh = dmesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.array(lengths)], divisions)
     mesh.topology.create_connectivity(2, 3)
     facets = dmesh.exterior_facet_indices(mesh.topology)
-    wall = dmesh.locate_entities_boundary(mesh, 2, lambda X: X[0] < 1e-9)
-    return TongueMesh(mesh, dmesh.meshtags(mesh, 2, facets, np.where(np.isin(facets, wall), 1, 2).astype(np.int32)), {"wall": 1, "free": 2})
+    named: dict[str, Where] = {"wall": lambda X: X[0] < 1e-9, **(surfaces or {})}
+    tags = np.full(len(facets), len(named) + 1, dtype=np.int32)
+    for number, where in enumerate(named.values(), start=1):
+        tags[np.isin(facets, dmesh.locate_entities_boundary(mesh, 2, where))] = number
+    cells = {name: np.asarray(dmesh.locate_entities(mesh, 3, where), dtype=np.int32) for name, where in (volumes or {}).items()}
+    numbers = {name: number for number, name in enumerate((*named, "free"), start=1)}
+    return TongueMesh(mesh, dmesh.meshtags(mesh, 2, facets, tags), numbers, volumes=cells)
 
 
 def with_fibres(block: TongueMesh, direction: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> TongueMesh:
@@ -74,8 +88,8 @@ class LoadedForm(WeakForm):
 
     Attributes
     ----------
-    load : dolfinx.fem.Constant
-        Traction (3,) in Pa per area at rest.
+    traction : dolfinx.fem.Constant
+        (3,) in Pa per area at rest.
     loaded : dolfinx.ufl.Measure
         The part that bears it.
     facets, nodes : int array
@@ -87,13 +101,13 @@ class LoadedForm(WeakForm):
         mesh = self.V.mesh
         self.facets = dmesh.locate_entities_boundary(mesh, 2, where)
         tags = dmesh.meshtags(mesh, 2, self.facets, np.ones(len(self.facets), dtype=np.int32))
-        self.load = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
+        self.traction = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
         self.loaded = ufl.Measure("ds", mesh, subdomain_data=tags)(1)
         self.nodes = fem.locate_dofs_topological(self.V, 2, self.facets)
 
     def surface_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
         """With that of the load."""
-        return super().surface_work(u, v, w) + ufl.inner(self.load, w) * self.loaded
+        return super().surface_work(u, v, w) + ufl.inner(self.traction, w) * self.loaded
 
 
 def roller(weak: WeakForm, axis: int, *places: float) -> fem.DirichletBC:

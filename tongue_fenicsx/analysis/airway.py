@@ -80,7 +80,7 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
     """
     walls = {name: cut(surface) for name, surface in run.obstacles_at_rest.items() if name in WALLS}
     if not walls:
-        raise InputError(f"{run.folder}: has no contact with a wall of the airway; one called {', '.join(WALLS)} is expected.")
+        raise InputError(f"{run}: has no contact with a wall of the airway; one called {', '.join(WALLS)} is expected.")
     rest = section(grids(run, 0)[0])
     wall, part = _wall(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(wall, axis=0), axis=1))]

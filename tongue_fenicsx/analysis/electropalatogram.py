@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
@@ -151,9 +150,11 @@ def electropalatogram(run: Run, reach: float = REACH) -> Electropalatogram:
     InputError
         If the run has no such obstacle.
     """
+    import pyvista as pv
+
     found = sorted(PALATES.intersection(run.contact))
     if not found:
-        raise InputError(f"{run.folder}: has no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
+        raise InputError(f"{run}: has no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
     places = electrodes(run.obstacles(0)[found[0]])
     probe = pv.PolyData(1e3 * places)
     on = []

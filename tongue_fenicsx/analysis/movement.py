@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pyvista as pv
 
 from ..core.types import Floats
 from ..runs.run import Run
 from .tongue_grid import grids
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 OFF_PLANE = 1e-4
 """In mm: sections lie this far off y = 0, where a mirrored mesh has its faces."""

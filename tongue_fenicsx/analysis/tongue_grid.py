@@ -6,17 +6,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 
 from ..core.types import Floats
 from ..geometry.surface import Surface
 
 if TYPE_CHECKING:
+    import pyvista as pv
+
     from ..runs.run import Run
 
 
 def grids(run: Run, index: int = -1) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]:
     """The tongue at rest and deformed at an output, with the length of ``displacement`` in mm as point data."""
+    import pyvista as pv
+
     points, cells = run.mesh
     u = 1e3 * run.field("displacement", index)
     rest = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, 1e3 * points)

@@ -41,7 +41,7 @@ def motion(time: Floats, path: Floats) -> tuple[Floats, Floats]:
     return fast, np.where(fast > SLOW, curvature(path), np.nan)
 
 
-def write(run: Run, path: Path) -> None:
+def write_trajectories(run: Run, path: Path) -> None:
     """Write a CSV table: time in s, then of each probe place in m, speed in m/s and curvature in 1/m (empty where there is none)."""
     columns = {"time_s": run.time}
     for name, displacement in run.probes.items():

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ..anatomy.comparison import Agreement
 
 
-def agreement(console: Console, found: Mapping[str, Agreement], name: str) -> None:
-    """Each muscle judged by that of a subject."""
+def print_agreement(console: Console, found: Mapping[str, Agreement], name: str) -> None:
+    """Print each muscle judged by that of a subject."""
     table = Table(
         "muscle", "Dice overlap", "fibre angle °", "length ratio", "volume ratio", title=f"against {name}, aligned by spine, tip and root"
     )
@@ -24,8 +24,8 @@ def agreement(console: Console, found: Mapping[str, Agreement], name: str) -> No
     console.print(table)
 
 
-def mesh(console: Console, figures: Mapping[str, Any], path: Path) -> None:
-    """The muscles and figures of a mesh that was built at `path`."""
+def print_mesh(console: Console, figures: Mapping[str, Any], path: Path) -> None:
+    """Print the muscles and figures of a mesh that was built at `path`."""
     columns = ("muscle", "volume cm³", "in the data cm³", "cells", "fibre length mm", "direction off by °", "PCSA mm²", "peak stress kPa")
     table = Table(*columns, title=str(figures["name"]))
     for name, m in figures["muscles"].items():

@@ -18,7 +18,7 @@ class ProgressBar:
     def __init__(self, console: Console, active: bool, lines: bool = True) -> None:
         self._console, self._active, self._lines, self._tenth = console, active, lines, -1
         self._bar = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TextColumn("{task.percentage:3.0f} %"),
             TimeElapsedColumn(),

@@ -47,15 +47,15 @@ class PackedForm:
                 values[:, at : at + places.shape[1]] = function.x.array[places[: len(values)]]
         self._vector.array[:] = 0.0
         fem.assemble_vector(self._vector.array, self._form, self._constants, self._coefficients)
-        return summed(self._vector)
+        return sum_over_ranks(self._vector)
 
 
-def assembled(form: fem.Form) -> Floats:
+def assemble(form: fem.Form) -> Floats:
     """A vector form on the nodes that this rank owns, flat."""
-    return summed(fem.assemble_vector(form))
+    return sum_over_ranks(fem.assemble_vector(form))
 
 
-def summed(vector: la.Vector) -> Floats:
+def sum_over_ranks(vector: la.Vector) -> Floats:
     """A vector's values that this rank owns, with what other ranks add to them, flat."""
     vector.scatter_reverse(la.InsertMode.add)
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import basix
 import basix.ufl
@@ -19,13 +18,9 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.types import Expr, Floats
 from ..geometry.obstacles import Moved
-from ..mechanics.contact import Contact, Touch
+from ..mechanics.contact import Contact
+from ..mechanics.model import Model
 from . import jit
-from .assembly import assembled
-
-if TYPE_CHECKING:
-    from .weak_form import WeakForm
-
 
 PENALTY = 500.0
 """Penalty in shear moduli per element edge: 0.03 mm at 1 kPa in the chapter's tissue with elements of 6 mm."""
@@ -36,17 +31,31 @@ RELAX = 1.2
 """By how much a γ that was made smaller grows again from step to step."""
 NEAR = 1e-3
 """Gap in m beyond which θ has no effect: elsewhere the surface may bear another obstacle or a roller, so that λ is not nil."""
-AUGMENTATIONS = 5
 SOFTER = 10.0
 """How much softer obstacles are in the first stage of a step whose solve fails."""
 DEGREE = 4
 """Of the quadrature on the surface: six points on each triangle."""
 
 
-class _Term:
-    """One obstacle in the weak form: its gap, normal and curvature at the quadrature points of the surface."""
+def find_touchable_facets(model: Model, V: fem.FunctionSpace, supports: Mapping[str, NDArray[np.int32]]) -> NDArray[np.int32]:
+    """Free facets that touch no bonded one; `supports` has the nodes of each bonded surface."""
+    mesh, tongue = V.mesh, model.tongue
+    bonded = np.zeros(V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts, dtype=bool)
+    for nodes in supports.values():
+        bonded[nodes] = True
+    free = np.setdiff1d(tongue.facet_tags.indices, tongue.facets(model.bonded)).astype(np.int32)
+    mesh.topology.create_connectivity(2, 0)
+    to_node = np.full(mesh.topology.index_map(0).size_local + mesh.topology.index_map(0).num_ghosts, -1, dtype=np.int64)
+    to_node[np.asarray(mesh.topology.connectivity(3, 0).array).reshape(-1, 4)] = V.dofmap.list[:, :4]
+    corners = np.array([mesh.topology.connectivity(2, 0).links(f) for f in free], dtype=np.int64).reshape(-1, 3)
+    return free[~bonded[to_node[corners]].any(axis=1)]
 
-    def __init__(self, contact: Contact, scale: float, surface: dmesh.Mesh) -> None:
+
+class _Term:
+    """One obstacle in the weak form: its gap, normal and curvature at the quadrature points of the surface, and how soft it is now and at
+    most, γ in m/Pa."""
+
+    def __init__(self, contact: Contact, surface: dmesh.Mesh) -> None:
         self.contact = contact
 
         def function(shape: tuple[int, ...]) -> fem.Function:
@@ -54,15 +63,13 @@ class _Term:
             return fem.Function(fem.functionspace(surface, element))
 
         self.gap, self.normal, self.curvature, self.multiplier = function(()), function((3,)), function((3, 3)), function(())
-        self._gamma = 1 / (contact.stiffness * scale)
-        self.gamma = fem.Constant(surface, default_scalar_type(self._gamma))
+        self.softest = np.inf
+        self.gamma = fem.Constant(surface, default_scalar_type(1.0))
         self.allowed: Floats = np.zeros(0)
         self.placed = Moved(contact.obstacle, np.eye(3), np.zeros(3))
 
-    def set_time(self, t: float) -> None:
-        """Put the obstacle where its bone is at time `t` (s), and begin a step with less augmentation."""
-        self.multiplier.x.array[:] = 0.0
-        self.gamma.value = min(RELAX * float(self.gamma.value), self._gamma)
+    def place(self, t: float) -> None:
+        """Put the obstacle where its bone is at time `t` (s)."""
         if self.contact.motion is not None:
             self.placed = Moved(self.contact.obstacle, *self.contact.motion.pose(t))
 
@@ -91,16 +98,16 @@ class _Term:
 
 
 class ContactSet:
-    """All obstacles of a weak form, on the free surface away from bonded areas.
+    """All obstacles, on the free surface away from bonded areas.
 
     Parameters
     ----------
-    weak : WeakForm
-        The weak form; its spaces and supports exist.
+    u : fem.Function
+        The displacement.
+    facets : (n,) int array
+        Those that may touch.
     contacts : mapping
         Name to `Contact`.
-    scales : mapping
-        Form to 1/γ in Pa/m.
 
     Attributes
     ----------
@@ -110,10 +117,9 @@ class ContactSet:
         For the compilation of forms with contact.
     """
 
-    def __init__(self, weak: WeakForm, contacts: Mapping[str, Contact], scales: Mapping[str, float]) -> None:
-        self._weak = weak
-        mesh = weak.V.mesh
-        self._comm = mesh.comm
+    def __init__(self, u: fem.Function, facets: NDArray[np.int32], contacts: Mapping[str, Contact]) -> None:
+        mesh = u.function_space.mesh
+        self._mesh, self._comm = mesh, mesh.comm
         self.terms: dict[str, _Term] = {}
         self.entity_maps: list[dmesh.EntityMap] = []
         self.integrals = np.empty((0, 2), dtype=np.int32)
@@ -121,7 +127,6 @@ class ContactSet:
             return
         mesh.topology.create_connectivity(2, 3)
         mesh.topology.create_connectivity(3, 2)
-        facets = self._away_from_bones(mesh)
         surface, entity_map, _, _ = dmesh.create_submesh(mesh, 2, facets)
         self.entity_maps = [entity_map]
         self._cells = np.arange(surface.topology.index_map(2).size_local, dtype=np.int32)
@@ -131,28 +136,18 @@ class ContactSet:
         places = [int(np.flatnonzero(facets_of.links(c) == f)[0]) for c, f in zip(owners, parents, strict=True)]
         self.integrals = np.column_stack([owners, places]).astype(np.int32)
         points, _ = basix.make_quadrature(basix.CellType.triangle, DEGREE)
-        X = ufl.SpatialCoordinate(mesh)
-        self._deformed = fem.Expression(X + weak.u, points, jit_options=jit.options())
-        self.terms = {name: _Term(contact, scales[contact.form], surface) for name, contact in contacts.items()}
-        self.set_time(0.0)
+        self._deformed = fem.Expression(ufl.SpatialCoordinate(mesh) + u, points, jit_options=jit.options())
+        self.terms = {name: _Term(contact, surface) for name, contact in contacts.items()}
+        self.place(0.0)
         self.update()
         for name, term in self.terms.items():
             self._accept_touching(name, term)
 
-    def _away_from_bones(self, mesh: dmesh.Mesh) -> NDArray[np.int32]:
-        """Free facets that touch no bonded one."""
-        V = self._weak.V
-        bonded = np.zeros(V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts, dtype=bool)
-        for nodes in self._weak.supports.values():
-            bonded[nodes] = True
-        tags = self._weak.model.tongue.facet_tags
-        held = self._weak.model.tongue.facets(self._weak.model.bonded)
-        free = np.setdiff1d(tags.indices, held).astype(np.int32)
-        mesh.topology.create_connectivity(2, 0)
-        to_node = np.full(mesh.topology.index_map(0).size_local + mesh.topology.index_map(0).num_ghosts, -1, dtype=np.int64)
-        to_node[np.asarray(mesh.topology.connectivity(3, 0).array).reshape(-1, 4)] = V.dofmap.list[:, :4]
-        corners = np.array([mesh.topology.connectivity(2, 0).links(f) for f in free], dtype=np.int64).reshape(-1, 3)
-        return free[~bonded[to_node[corners]].any(axis=1)]
+    def renew(self, scales: Mapping[str, float]) -> None:
+        """Make each obstacle as stiff as a tissue needs; `scales` has 1/γ in Pa/m by form."""
+        for term in self.terms.values():
+            term.softest = 1 / (term.contact.stiffness * scales[term.contact.form])
+        self.begin((), relax=False)
 
     def _accept_touching(self, name: str, term: _Term) -> None:
         """Take a little penetration at rest as zero gap, and refuse more."""
@@ -170,47 +165,52 @@ class ContactSet:
         term.allowed = np.maximum(-gap, 0.0)
         self.update()
 
-    def set_time(self, t: float) -> None:
-        """Put moving obstacles where they are at time `t` (s), and begin a step with less augmentation."""
+    def place(self, t: float) -> None:
+        """Put moving obstacles where they are at time `t` (s)."""
         for term in self.terms.values():
-            term.set_time(t)
+            term.place(t)
+
+    def begin(self, gammas: tuple[float, ...], relax: bool) -> None:
+        """Begin without augmentation, with obstacles as soft as `gammas` (m/Pa) say (as they are by themselves, if empty), or a little
+        softer than that."""
+        for term, gamma in zip(self.terms.values(), gammas or [term.softest for term in self.terms.values()], strict=True):
+            term.multiplier.x.array[:] = 0.0
+            term.gamma.value = min(RELAX * gamma, term.softest) if relax else gamma
 
     def update(self) -> None:
         """Evaluate the obstacles at the present displacement."""
         if self.terms:
-            values = self._deformed.eval(self._weak.V.mesh, self.integrals)
+            values = self._deformed.eval(self._mesh, self.integrals)
             self._points = np.asarray(values).reshape(len(self.integrals), -1, 3)
         for term in self.terms.values():
             term.update(self._points, self._cells)
 
     def augment(self) -> bool:
         """Press harder against each obstacle that is penetrated beyond its tolerance; whether there is one."""
-        deep = [(term, depth) for term in self.terms.values() if (depth := self._penetration(term)) > term.contact.tolerance]
+        deep = [(term, depth) for term in self.terms.values() if (depth := self.penetration(term)) > term.contact.tolerance]
         for term, depth in deep:
             term.augment(depth)
         return bool(deep)
 
     @property
-    def gammas(self) -> list[float]:
-        """γ of each obstacle in m/Pa; settable, as a run that goes on needs."""
-        return [float(term.gamma.value) for term in self.terms.values()]
-
-    @gammas.setter
-    def gammas(self, values: list[float]) -> None:
-        for term, value in zip(self.terms.values(), values, strict=True):
-            term.gamma.value = value
+    def gammas(self) -> tuple[float, ...]:
+        """γ of each obstacle in m/Pa."""
+        return tuple(float(term.gamma.value) for term in self.terms.values())
 
     @contextmanager
-    def softened(self) -> Iterator[None]:
+    def soften(self) -> Iterator[None]:
         """Make all obstacles `SOFTER` times as soft, so that less of them touches and pushes at once."""
         hard = self.gammas
-        self.gammas = [SOFTER * gamma for gamma in hard]
+        for term, gamma in zip(self.terms.values(), hard, strict=True):
+            term.gamma.value = SOFTER * gamma
         try:
             yield
         finally:
-            self.gammas = hard
+            for term, gamma in zip(self.terms.values(), hard, strict=True):
+                term.gamma.value = gamma
 
-    def _penetration(self, term: _Term) -> float:
+    def penetration(self, term: _Term) -> float:
+        """How deep in m any point of the surface is in an obstacle, 0 if none is."""
         gap = term.gap.x.array[term.gap.function_space.dofmap.list[self._cells].ravel()]
         return float(self._comm.allreduce(float(max(-gap.min(initial=0.0), 0.0)), op=MPI.MAX))
 
@@ -218,69 +218,18 @@ class ContactSet:
         """Derivatives of gaps and normals by the displacement, for `ufl.derivative`."""
         return {f: d for term in self.terms.values() for f, d in ((term.gap, term.normal), (term.normal, term.curvature))}
 
-    def work(self, u: Expr, v: Expr, w: Expr, ds: ufl.Measure) -> dict[str, Expr]:
-        """Virtual work of each obstacle on `w`."""
-        N = ufl.FacetNormal(self._weak.V.mesh)
+    def work(self, stress: Expr | None, rest_stress: Expr, w: Expr, ds: ufl.Measure) -> dict[str, Expr]:
+        """Virtual work of each obstacle on `w`, with the stress in the tongue (for Nitsche's method) and that of `w` as a small
+        displacement from rest, both in Pa."""
+        N = ufl.FacetNormal(self._mesh)
         works = {}
         for name, term in self.terms.items():
-            P = self._weak.surface_stress(u, v) if term.contact.form == "nitsche" else None
-            traction = term.traction(P, N)
+            nitsche = term.contact.form == "nitsche"
+            traction = term.traction(stress if nitsche else None, N)
             pressure = term.pressure(traction)
             works[name] = pressure * ufl.dot(term.normal, w) * ds
-            if P is not None and term.contact.theta != 0:
-                change = ufl.dot(term.normal, self._weak.rest_stress(w) * N)
+            if nitsche and term.contact.theta != 0:
+                change = ufl.dot(term.normal, rest_stress * N)
                 near = ufl.conditional(ufl.lt(term.gap, NEAR), 1.0, 0.0)
                 works[name] -= term.contact.theta * term.gamma * near * (pressure - traction) * change * ds
         return works
-
-
-class ContactMeasures:
-    """Force, area and pressure of contact at the state of a weak form.
-
-    Parameters
-    ----------
-    weak : WeakForm
-        The weak form.
-    v : fem.Function
-        Velocity.
-    """
-
-    def __init__(self, weak: WeakForm, v: fem.Function) -> None:
-        self._weak = weak
-        mesh = weak.V.mesh
-        self._comm = mesh.comm
-        F = ufl.Identity(3) + ufl.grad(weak.u)
-        N = ufl.FacetNormal(mesh)
-        cofactor = ufl.det(F) * ufl.inv(F).T * N
-        stretch = ufl.sqrt(ufl.dot(cofactor, cofactor))
-        w, q = ufl.TestFunction(weak.V), ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
-        self._forms = {}
-        for name, term in weak.contacts.terms.items():
-            P = weak.surface_stress(weak.u, v) if term.contact.form == "nitsche" else None
-            pressure = term.pressure(term.traction(P, N))
-            touched = ufl.conditional(ufl.gt(pressure, 0.0), stretch, 0.0)
-            ds = weak.ds_contact
-            forms = (pressure * ufl.dot(term.normal, w) * ds, pressure * q * ds, touched * q * ds)
-            self._forms[name] = [weak.compiled(form) for form in forms]
-
-    def evaluate(self) -> None:
-        """Read the present state: `touches` by obstacle, `forces` (owned nodes, 3) in N, `pressure` (owned cells,) in Pa."""
-        V = self._weak.V
-        self.forces = np.zeros((V.dofmap.index_map.size_local, 3))
-        self.pressure = np.zeros(V.mesh.topology.index_map(3).size_local)
-        self.touches: dict[str, Touch] = {}
-        for name, (force_form, load_form, area_form) in self._forms.items():
-            forces = assembled(force_form)[: self.forces.size].reshape(-1, 3)
-            load, area = (assembled(form)[: len(self.pressure)] for form in (load_form, area_form))
-            pressure = np.divide(load, area, out=np.zeros_like(load), where=area > 0)
-            self.forces += forces
-            self.pressure += pressure
-            term = self._weak.contacts.terms[name]
-            self.touches[name] = Touch(
-                np.asarray(self._comm.allreduce(forces.sum(axis=0))),
-                float(self._comm.allreduce(float(area.sum()))),
-                float(self._comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)),
-                self._weak.contacts._penetration(term),
-                term.placed.rotation,
-                term.placed.offset,
-            )

@@ -63,62 +63,66 @@ class FibreSlots:
     ----------
     tongue : TongueMesh
         The mesh.
-    muscles : dict
-        The muscles to carry.
-    sigma_max : mapping
-        Peak stress in Pa of each.
-    fade : callable
-        Takes points (n, 3), returns the tendon factor 0…1.
+    n_slots : int
+        How many (see `count_slots`).
     places : Places
         Where in each cell fibres are given.
     """
 
-    def __init__(
-        self,
-        tongue: TongueMesh,
-        muscles: dict[str, MuscleCells],
-        sigma_max: Mapping[str, float],
-        fade: Callable[[Floats], Floats],
-        places: Places,
-    ) -> None:
-        mesh, points = tongue.mesh, places.points
-        vertex = np.column_stack([1 - points.sum(axis=1), points])  # P1 shape functions, (q, 4)
-        n_cells = mesh.topology.index_map(3).size_local + mesh.topology.index_map(3).num_ghosts
-        used = np.zeros(n_cells, dtype=np.int64)
-        for muscle in muscles.values():
-            used[muscle.cells] += 1
-        n_slots = mesh.comm.allreduce(int(used.max(initial=0)), op=MPI.MAX)
+    def __init__(self, tongue: TongueMesh, n_slots: int, places: Places) -> None:
+        self._tongue, self.places = tongue, places
+        mesh = tongue.mesh
         vectors, scalars = (fem.functionspace(mesh, places.element(shape)) for shape in ((3,), ()))
         self.directions = [fem.Function(vectors, name=f"direction_{i}") for i in range(n_slots)]
         self.tensions = [fem.Function(scalars, name=f"tension_{i}") for i in range(n_slots)]
         self.tendons = [fem.Function(scalars, name=f"tendon_{i}") for i in range(n_slots)]
         self.passives = [fem.Function(scalars, name=f"passive_{i}") for i in range(n_slots)]
         self.stiffness = fem.Function(scalars, name="stiffness")
-        self.names, self._places = list(muscles), places
         self._dofs = scalars.dofmap.list
-        self.owners = np.full((n_slots, n_cells), -1, dtype=np.int64)
-        self._stress = np.zeros((n_slots, n_cells, len(points)))
+        self.names: list[str] = []
+        self.owners = np.full((n_slots, len(self._dofs)), -1, dtype=np.int64)
+
+    def carry(self, muscles: Mapping[str, MuscleCells], peak_stress: Mapping[str, float], fade: Callable[[Floats], Floats]) -> None:
+        """Carry these muscles, at rest, and no others.
+
+        Parameters
+        ----------
+        muscles : mapping
+            Not more in any cell than there are slots.
+        peak_stress : mapping
+            Of each, in Pa.
+        fade : callable
+            Takes points (n, 3) in m, returns the tendon factor 0…1.
+        """
+        mesh, points = self._tongue.mesh, self.places.points
+        vertex = np.column_stack([1 - points.sum(axis=1), points])  # P1 shape functions, (q, 4)
+        used = np.zeros(len(self._dofs), dtype=np.int64)
+        self.names = list(muscles)
+        self.owners[:] = -1
+        self._stress = np.zeros((*self.owners.shape, len(points)))
         self._share = np.zeros_like(self._stress)
         for function in self.directions:
             function.x.array[:] = np.tile([1.0, 0.0, 0.0], len(function.x.array) // 3)
-        used[:] = 0
+        for function in (*self.tendons, *self.passives):
+            function.x.array[:] = 0.0
         for index, (name, muscle) in enumerate(muscles.items()):
             direction = np.einsum("qv,cvd->cqd", vertex, muscle.direction)
             direction /= np.linalg.norm(direction, axis=2, keepdims=True)
             at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0][muscle.cells]])
             share = muscle.weight @ vertex.T
-            peak = sigma_max[name] * share
+            peak = peak_stress[name] * share
             muscular = fade(at.reshape(-1, 3)).reshape(at.shape[:2])
             slot = used[muscle.cells]
             used[muscle.cells] += 1
             self.owners[slot, muscle.cells] = index
             self._stress[slot, muscle.cells] = peak * muscular
             self._share[slot, muscle.cells] = share
-            for i in range(n_slots):
+            for i in range(len(self.owners)):
                 mine = slot == i
                 self.directions[i].x.array.reshape(-1, 3)[self._dofs[muscle.cells[mine]]] = direction[mine]
                 self.tendons[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * (1 - muscular))[mine]
                 self.passives[i].x.array[self._dofs[muscle.cells[mine]]] = (peak * muscular)[mine]
+        self.activate({})
 
     def activate(self, levels: Mapping[str, float]) -> None:
         """Set the activation of each muscle, 0…1; those that are not named rest."""
@@ -130,10 +134,14 @@ class FibreSlots:
             total += in_slot * self._share[i]
         self.stiffness.x.array[self._dofs] = 1 + 9 * np.minimum(total, 1.0)
 
+    def share(self, slot: int) -> Floats:
+        """The share of the muscle in a slot at each place, (n_cells, q), 0…1."""
+        return np.asarray(self._share[slot])
+
     def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
         """Sum of the first Piola–Kirchhoff stresses of all slots."""
         zero = 0.0 * F
-        directions = [d / _norm(d) if self._places.interpolates else d for d in self.directions]
+        directions = [d / _norm(d) if self.places.interpolates else d for d in self.directions]
         slots = zip(directions, self.tensions, self.tendons, self.passives, strict=True)
         return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
 
@@ -161,17 +169,20 @@ class OuterPull:
         The mesh.
     name : str
         A muscle with an `MuscleCells.entry`.
-    sigma_max : float
-        Peak stress in Pa.
     ds : ufl.Measure
         The surface that it crosses.
+
+    Attributes
+    ----------
+    peak_stress : float
+        In Pa; settable.
     """
 
-    def __init__(self, tongue: TongueMesh, name: str, sigma_max: float, ds: ufl.Measure) -> None:
+    def __init__(self, tongue: TongueMesh, name: str, ds: ufl.Measure) -> None:
         entry = tongue.muscles[name].entry
         assert entry is not None
         mesh = tongue.mesh
-        self.name, self._sigma_max, self._ds = name, sigma_max, ds
+        self.name, self.peak_stress, self._ds = name, 0.0, ds
         self._anchor = fem.Constant(mesh, entry.anchor)
         self._level = fem.Constant(mesh, 0.0)
         self._share = fem.Function(fem.functionspace(mesh, ("P", 1)))
@@ -181,7 +192,7 @@ class OuterPull:
 
     def activate(self, levels: Mapping[str, float]) -> None:
         """Set the activation, 0…1."""
-        self._level.value = self._sigma_max * levels[self.name]
+        self._level.value = self.peak_stress * levels.get(self.name, 0.0)
 
     def work(self, law: Contraction, u: Expr, v: Expr, frozen: Expr, w: Expr) -> Expr:
         """Virtual work of the pull on `w`; `frozen` is the displacement that the rate of the distance holds fixed."""
@@ -190,6 +201,15 @@ class OuterPull:
         held = self._anchor - X - frozen
         tension = law.tension(_norm(line) / rest, -ufl.dot(held, v) / (_norm(held) * rest))
         return self._level * self._share * tension * ufl.dot(line, w) / _norm(line) * self._ds
+
+
+def count_slots(tongue: TongueMesh, muscles: Mapping[str, MuscleCells]) -> int:
+    """The largest number of these muscles in any cell of any rank."""
+    index_map = tongue.mesh.topology.index_map(3)
+    used = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    for muscle in muscles.values():
+        used[muscle.cells] += 1
+    return int(tongue.comm.allreduce(int(used.max(initial=0)), op=MPI.MAX))
 
 
 def _norm(vector: Expr) -> Expr:

@@ -10,20 +10,31 @@ import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
+from numpy.typing import NDArray
 
-from ..anatomy import catalogue as muscle_facts
-from ..core.types import Expr
-from ..mechanics.hyperelasticity import VOLUMETRIC, bulk_modulus, numbers
+from ..anatomy.catalogue import peak_stress
+from ..core.types import Expr, Floats
+from ..mechanics.hyperelasticity import bulk_modulus
 from ..mechanics.kinematics import Kinematics
 from ..mechanics.model import Model
-from ..mechanics.suspension import Suspension
+from ..meshing.tongue_mesh import MuscleCells
 from . import jit, quadrature
-from .contact_terms import DEGREE, NITSCHE, PENALTY, ContactSet
-from .fibre_slots import FibreSlots, OuterPull, Places, tendon_factor
+from .contact_terms import DEGREE, NITSCHE, PENALTY, ContactSet, find_touchable_facets
+from .fibre_slots import FibreSlots, OuterPull, Places, count_slots, tendon_factor
+from .load_terms import LoadTerms
+from .passive_terms import PassiveTerms
+from .supports import Springs, Supports
 
 
 class WeakForm:
     """ρ(ü + α v)·w + (P_passive + P_active + P_damping) : ∇w − ρ g·w over the rest shape.
+
+    Parameters
+    ----------
+    model : Model
+        What is simulated.
+    active : sequence of str
+        The muscles, with sides, that can contract.
 
     Attributes
     ----------
@@ -47,115 +58,144 @@ class WeakForm:
     """
 
     def __init__(self, model: Model, active: Sequence[str]) -> None:
-        self.model = model
         tongue = model.tongue
         mesh = tongue.mesh
         self.V = fem.functionspace(mesh, ("P", 2, (3,)))
         self.u = fem.Function(self.V, name="displacement")
         self.frozen = fem.Function(self.V)
-        muscles = {name: tongue.muscles[name] for name in (tongue.muscles if model.contraction.passive_fibres else active)}
-        sigma = muscle_facts.peak_stress(muscles, model.tissue.peak_stress)
-        degree = model.quadrature_degree
-        fade = tendon_factor(model)
-        self.slots = FibreSlots(tongue, muscles, sigma, fade, Places.inside(degree))
-        self.surface_slots: FibreSlots | None = None
-        if any(contact.form == "nitsche" for contact in model.contacts.values()):
-            self.surface_slots = FibreSlots(tongue, muscles, sigma, fade, Places.corners())
-        self.dx = ufl.Measure("dx", mesh, metadata=quadrature.metadata(degree))
+        self.pressure = fem.Function(fem.functionspace(mesh, ("P", 1)), name="pressure") if model.mixed else None
+        self.dx = ufl.Measure("dx", mesh, metadata=quadrature.metadata(model.quadrature_degree))
         self.dx_mass = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
-        passive = model.tissue.law
-        self._constants = {name: self._constant(value) for name, value in numbers(passive).items()}
-        self._mu = self._constant(passive.shear_modulus)
-        self._density = self._constant(model.tissue.density)
-        self._alpha = self._constant(model.tissue.damping.alpha)
-        self._beta = self._constant(model.tissue.damping.beta)
         self.gravity = fem.Constant(mesh, np.zeros(3, dtype=default_scalar_type))
+        self._density, self._alpha, self._beta = (fem.Constant(mesh, default_scalar_type(0.0)) for _ in range(3))
+        self._edge = _typical_edge(mesh)
+        self._passive = PassiveTerms(model)
         self._law = model.contraction.with_constants(mesh)
-        self.pressure: fem.Function | None = None
-        if model.mixed:
-            self.pressure = fem.Function(fem.functionspace(mesh, ("P", 1)), name="pressure")
-            self._compressibility = self._constant((1 - 2 * passive.nu) / passive.shear_modulus)
-            self._stress = self._constant(passive.shear_modulus / _typical_edge(mesh))
-        else:
-            self._kappa = self._constant(bulk_modulus(passive))
-        self._prescribed = fem.Function(self.V)
-        self.supports = {name: fem.locate_dofs_topological(self.V, 2, tongue.facets([name])) for name in model.bonded}
-        self.bcs = [fem.dirichletbc(self._prescribed, self.supports[name]) for name in (*model.fixed, *model.moving)]
-        edge, mu = _typical_edge(mesh), passive.shear_modulus
-        bulk = 10 * mu if model.mixed else bulk_modulus(passive)
-        self.contacts = ContactSet(self, model.contacts, {"penalty": PENALTY * mu / edge, "nitsche": NITSCHE * (bulk + 4 * mu / 3) / edge})
+        self._optimal_stretch: Any = self._law.optimal_stretch
+        self._supports = Supports(model, self.u)
+        muscles = _carried(model, active)
+        n_slots = count_slots(tongue, muscles)
+        self.slots = FibreSlots(tongue, n_slots, Places.inside(model.quadrature_degree))
+        nitsche = any(contact.form == "nitsche" for contact in model.contacts.values())
+        self.surface_slots = FibreSlots(tongue, n_slots, Places.corners()) if nitsche else None
+        self._fibre = _fibre_field(model, self.slots.places)
+        self._surface_fibre = _fibre_field(model, Places.corners()) if nitsche else None
+        facets = find_touchable_facets(model, self.V, self.supports) if model.contacts else np.empty(0, dtype=np.int32)
+        self.contacts = ContactSet(self.u, facets, model.contacts)
         entries = {name: muscle.entry.facets for name, muscle in muscles.items() if muscle.entry is not None}
-        crossed = [*entries.values(), *(tongue.facets([name]) for name in model.suspended)]
+        crossed = [*entries.values(), *(tongue.facets([name]) for name in (*model.suspended, *model.loads))]
         parts = [fem.compute_integration_domains(fem.IntegralType.exterior_facet, mesh.topology, facets) for facets in crossed]
         numbered = list(enumerate([*parts, self.contacts.integrals.ravel()]))
         ds = ufl.Measure("ds", mesh, subdomain_data=numbered, metadata={"quadrature_degree": DEGREE})  # one for all, as DOLFINx asks
-        self.pulls = [OuterPull(tongue, name, sigma[name], ds(i)) for i, name in enumerate(entries)]
-        self._hung = [
-            (self._over_area(ds(i), suspension), ds(i)) for i, suspension in enumerate(model.suspended.values(), start=len(entries))
-        ]
+        measures = [ds(i) for i in range(len(crossed))]
+        self.pulls = [OuterPull(tongue, name, measure) for name, measure in zip(entries, measures, strict=False)]
+        self._springs = Springs(model, measures[len(entries) : len(entries) + len(model.suspended)])
+        self._loads = LoadTerms(model, measures[len(entries) + len(model.suspended) :])
         self.ds_contact = ds(len(crossed))
+        self.renew(model, active)
 
-    def _constant(self, value: float) -> fem.Constant:
-        return fem.Constant(self.V.mesh, default_scalar_type(value))
+    def fits(self, model: Model, active: Sequence[str]) -> bool:
+        """Whether this form, with other numbers, is that of another model and other muscles."""
+        muscles = _carried(model, active)
+        return (
+            model.structure == self.model.structure
+            and count_slots(model.tongue, muscles) == len(self.slots.directions)
+            and [name for name, muscle in muscles.items() if muscle.entry is not None] == [pull.name for pull in self.pulls]
+        )
 
-    def _over_area(self, ds: ufl.Measure, suspension: Suspension) -> fem.Constant:
-        """Mass, damping and stiffness per area."""
-        area = self.V.mesh.comm.allreduce(float(fem.assemble_scalar(fem.form(self._constant(1.0) * ds))))
-        return fem.Constant(self.V.mesh, np.array([suspension.mass, suspension.damping, suspension.stiffness]) / area)
+    def renew(self, model: Model, active: Sequence[str]) -> None:
+        """Take the numbers of a model that `fits`, and its muscles."""
+        self.model = model
+        tissue, muscles = model.tissue, _carried(model, active)
+        peak = peak_stress(muscles, tissue.peak_stress)
+        fade = tendon_factor(model)
+        for slots in (self.slots, self.surface_slots):
+            if slots is not None:
+                slots.carry(muscles, peak, fade)
+        for pull in self.pulls:
+            pull.peak_stress = peak[pull.name]
+        self._density.value, self._alpha.value, self._beta.value = tissue.density, tissue.damping.alpha, tissue.damping.beta
+        self._optimal_stretch.value = model.contraction.optimal_stretch
+        self._passive.renew(model, self._edge)
+        mu = tissue.law.shear_modulus
+        bulk = 10 * mu if model.mixed else bulk_modulus(tissue.law)
+        self.contacts.renew({"penalty": PENALTY * mu / self._edge, "nitsche": NITSCHE * (bulk + 4 * mu / 3) / self._edge})
 
-    def set_time(self, t: float, levels: Mapping[str, float]) -> None:
-        """Set gravity, the activations and the places of moving bones for time `t` (s)."""
+    @property
+    def bcs(self) -> list[fem.DirichletBC]:
+        """Of the surfaces that are fixed or move."""
+        return self._supports.bcs
+
+    @property
+    def supports(self) -> dict[str, NDArray[np.int32]]:
+        """Bonded surface to its nodes on this rank, ghosts included."""
+        return self._supports.nodes
+
+    @property
+    def fixed_dofs(self) -> NDArray[np.int32]:
+        """Unknowns of this rank that the bones hold."""
+        return self._supports.fixed_dofs
+
+    @property
+    def suspended_nodes(self) -> list[NDArray[np.int32]]:
+        """Nodes of each surface on springs."""
+        return self._supports.suspended_nodes
+
+    def load(self, t: float, levels: Mapping[str, float]) -> None:
+        """Set gravity, loads, activations and the places of bones and obstacles for time `t` (s)."""
         rise = self.model.gravity_rise
         share = min(t / rise, 1.0) if rise > 0 else 1.0
         self.gravity.value[:] = share * np.asarray(self.model.gravity)
         for slots in (self.slots, self.surface_slots):
             if slots is not None:
                 slots.activate(levels)
-        self.contacts.set_time(t)
         for pull in self.pulls:
             pull.activate(levels)
-        for name, motion in self.model.moving.items():
-            nodes = self.supports[name]
-            self._prescribed.x.array.reshape(-1, 3)[nodes] = motion.displacement(self.V.tabulate_dof_coordinates()[nodes], t)
+        for part in (self._loads, self.contacts, self._supports):
+            part.place(t)
 
     def hold(self) -> None:
         """Put the nodes of bonded surfaces where the bones are."""
-        for bc in self.bcs:
-            bc.set(self.u.x.array)
+        self._supports.hold()
 
-    @property
-    def symmetric(self) -> bool:
-        """Whether the tangent is symmetric: not with Nitsche's method."""
-        return self.surface_slots is None
-
-    def refresh(self) -> None:
+    def update(self) -> None:
         """Follow a change of `u`: the gaps of contact."""
         self.contacts.update()
 
-    def compiled(self, form: Expr) -> Any:
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is symmetric: not with Nitsche's method or a load that follows the surface."""
+        return self.surface_slots is None and not self.model.loads
+
+    def compile(self, form: Expr) -> Any:
         """A form, or blocks of them, ready to assemble; `frozen` becomes `u`."""
 
-        def thawed(part: Expr) -> Expr:
+        def thaw(part: Expr) -> Expr:
             if isinstance(part, list | tuple):
-                return [thawed(inner) for inner in part]
+                return [thaw(inner) for inner in part]
             return part if part is None or self.frozen is self.u else ufl.replace(part, {self.frozen: self.u})
 
-        return fem.form(thawed(form), jit_options=jit.options(), entity_maps=self.contacts.entity_maps)
+        return fem.form(thaw(form), jit_options=jit.options(), entity_maps=self.contacts.entity_maps)
 
-    def energy_density(self, F: Expr, slots: FibreSlots | None = None) -> Expr:
+    def expression(self, value: Expr, points: Floats) -> fem.Expression:
+        """A value ready to be evaluated at reference points (q, 3) of cells; `frozen` becomes `u`."""
+        return fem.Expression(ufl.replace(value, {self.frozen: self.u}), points, jit_options=jit.options())
+
+    def kinematics(self, F: Expr, *, surface: bool = False) -> Kinematics:
+        """What a passive law sees, inside or on the surface."""
+        return Kinematics(F, self._surface_fibre if surface else self._fibre)
+
+    def energy_density(self, F: Expr, *, surface: bool = False) -> Expr:
         """Elastic energy density Ψ in J/m³; in the mixed form Ψ_iso + p (J − 1) − p²/(2κ), stationary in p."""
-        k, passive = Kinematics(F), self.model.tissue.law
-        stiffness = (slots or self.slots).stiffness if self.model.contraction.stiffening else 1.0
-        isochoric = stiffness * passive.isochoric_energy(k, self._constants)
-        if self.pressure is None:
-            return isochoric + stiffness * self._kappa * VOLUMETRIC[passive.volumetric](k.J)
-        p = self._stress * self.pressure
-        return isochoric + p * (k.J - 1) - self._compressibility / stiffness * p**2 / 2
+        slots = self.surface_slots if surface else self.slots
+        assert slots is not None
+        stiffening = slots.stiffness if self.model.contraction.stiffening else 1.0
+        return self._passive.energy_density(self.kinematics(F, surface=surface), stiffening, self.pressure)
 
-    def passive_stress(self, u: Expr, slots: FibreSlots | None = None) -> Expr:
-        """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa; `slots` know the stiffening where the stress is taken, by default inside."""
+    def passive_stress(self, u: Expr, *, surface: bool = False) -> Expr:
+        """First Piola–Kirchhoff stress ∂Ψ/∂F in Pa, inside or on the surface."""
         F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
-        return ufl.diff(self.energy_density(F, slots), F)
+        return ufl.diff(self.energy_density(F, surface=surface), F)
 
     def active_stress(self, u: Expr, v: Expr) -> Expr:
         """First Piola–Kirchhoff stress of the muscles in Pa."""
@@ -164,21 +204,14 @@ class WeakForm:
 
     def damping_stress(self, v: Expr) -> Expr:
         """β times the rest-state stiffness on the velocity, in Pa."""
-        return self._beta * self.rest_stress(v)
-
-    def rest_stress(self, w: Expr) -> Expr:
-        """Stress in Pa of a small displacement from rest; its deviatoric part alone in the mixed form."""
-        strain = ufl.sym(ufl.grad(w))
-        isotropic = ufl.tr(strain) * ufl.Identity(3)
-        deviatoric = 2 * self._mu * (strain - isotropic / 3)
-        return deviatoric if self.pressure is not None else deviatoric + self._kappa * isotropic
+        return self._beta * self._passive.rest_stress(v)
 
     def surface_stress(self, u: Expr, v: Expr) -> Expr:
         """First Piola–Kirchhoff stress of tissue, muscles and damping in Pa, to be taken on the surface."""
         I = ufl.Identity(3)  # noqa: E741
         assert self.surface_slots is not None
         active = self.surface_slots.stress(self._law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
-        return self.passive_stress(u, self.surface_slots) + active + self.damping_stress(v)
+        return self.passive_stress(u, surface=True) + active + self.damping_stress(v)
 
     def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
         """Cauchy stress of tissue, muscles and damping in Pa, as a vector of nine."""
@@ -197,7 +230,7 @@ class WeakForm:
 
     def weighted(self, a: Expr, w: Expr) -> Expr:
         """Inner product of an acceleration with a test function, weighted by the density and the mass of suspended bones."""
-        return self._density * ufl.inner(a, w) * self.dx_mass + sum(per[0] * ufl.inner(a, w) * ds for per, ds in self._hung)
+        return self._density * ufl.inner(a, w) * self.dx_mass + self._springs.weight(a, w)
 
     def outer_work(self, u: Expr, v: Expr, w: Expr) -> list[Expr]:
         """Virtual work on `w` of each muscle that pulls from outside."""
@@ -219,12 +252,21 @@ class WeakForm:
         return ufl.inner(self.damping_stress(v), ufl.grad(w)) * self.dx
 
     def surface_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
-        """Virtual work on `w` of muscles from outside and of obstacles; 0 without any."""
-        return sum([*self.outer_work(u, v, w), *self.contacts.work(u, v, w, self.ds_contact).values()])
+        """Virtual work on `w` of muscles from outside, of obstacles and of loads; 0 without any."""
+        return sum([*self.outer_work(u, v, w), *self.contact_work(u, v, w).values(), self.load_work(u, w)])
+
+    def contact_work(self, u: Expr, v: Expr, w: Expr) -> dict[str, Expr]:
+        """Virtual work on `w` of each obstacle."""
+        stress = None if self.surface_slots is None else self.surface_stress(u, v)
+        return self.contacts.work(stress, self._passive.rest_stress(w), w, self.ds_contact)
+
+    def load_work(self, u: Expr, w: Expr) -> Expr:
+        """Virtual work on `w` of the loads; 0 without any."""
+        return self._loads.work(u, w)
 
     def suspension(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Virtual work on `w` of the inertia and the springs of suspended bones; 0 without any."""
-        return sum((ufl.dot(per[0] * a + per[1] * v + per[2] * u, w) * ds for per, ds in self._hung))
+        return self._springs.work(u, v, a, w)
 
     def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Balance of forces, tested with `w`."""
@@ -250,7 +292,29 @@ class WeakForm:
         """What the Schur complement of the pressure is like: its mass matrix over the moduli."""
         assert self.pressure is not None
         p, q = ufl.TrialFunction(self.pressure.function_space), ufl.TestFunction(self.pressure.function_space)
-        return -(self._stress**2) * (self._compressibility + 1 / self._mu) * p * q * self.dx
+        passive = self._passive
+        return -(passive.stress_scale**2) * (passive.compressibility + 1 / passive.shear_modulus) * p * q * self.dx
+
+
+def _carried(model: Model, active: Sequence[str]) -> dict[str, MuscleCells]:
+    """The muscles that a form must know: the active ones, or all where passive fibres bear, too."""
+    muscles = model.tongue.muscles
+    return {name: muscles[name] for name in (muscles if model.contraction.passive_fibres else active)}
+
+
+def _fibre_field(model: Model, places: Places) -> Expr | None:
+    """The unit fibre direction that passive laws see; None without any."""
+    if model.fibre is None:
+        return None
+    mesh = model.tongue.mesh
+    field = fem.Function(fem.functionspace(mesh, places.element((3,))), name="fibre")
+    vertex = np.column_stack([1 - places.points.sum(axis=1), places.points])
+    at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0]])
+    points = at.reshape(-1, 3)
+    direction = np.asarray(model.fibre(points) if callable(model.fibre) else np.broadcast_to(model.fibre, points.shape), dtype=float)
+    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    field.x.array.reshape(-1, 3)[field.function_space.dofmap.list] = direction.reshape(at.shape)
+    return field
 
 
 def _typical_edge(mesh: dmesh.Mesh) -> float:

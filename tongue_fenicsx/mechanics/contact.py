@@ -9,8 +9,8 @@ The factor P − λ is nil where the conditions hold, so any δP is consistent: 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 
@@ -74,20 +74,6 @@ class Touch:
     offset: Floats
 
     @property
-    def numbers(self) -> Floats:
-        """All 18, in this order."""
-        return np.array([*self.force, self.area, self.pressure, self.penetration, *self.rotation.ravel(), *self.offset])
-
-
-TOUCH_COLUMNS: dict[str, Any] = {
-    "force": slice(0, 3), "area": 3, "pressure": 4, "penetration": 5, "rotation": slice(6, 15), "offset": slice(15, 18)
-}  # fmt: skip
-"""Where each stands in `Touch.numbers`."""
-
-
-def touches_summary(rows: list[Floats]) -> dict[str, float]:
-    """Largest force, area, pressure and penetration of the `Touch.numbers` of all times."""
-    table = np.array(rows)
-    largest = {"force_max_N": np.linalg.norm(table[:, :3], axis=1).max()}
-    largest |= zip(("area_max_m2", "pressure_max_Pa", "penetration_max_m"), table[:, 3:6].max(axis=0), strict=True)
-    return {name: float(value) for name, value in largest.items()}
+    def parts(self) -> dict[str, Floats | float]:
+        """All by name, as a run keeps them; the rotation as (9,)."""
+        return {item.name: np.ravel(value) if np.ndim(value := getattr(self, item.name)) else value for item in fields(self)}

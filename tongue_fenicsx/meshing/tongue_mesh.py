@@ -89,10 +89,12 @@ class TongueMesh:
         Name to point (3,) in m in the rest shape.
     bones : dict
         Name to the surface of a bone or wall around it, for contact.
-    digest : str
-        Hash of the files that it was read from.
     name : str
         What the tongue is called.
+    volumes : dict
+        Name of each physical volume to its local cells, ghosts too; where muscles overlap, names are joined by ``+``.
+    digest : str
+        Hash of the files that it was read from.
     """
 
     mesh: dmesh.Mesh
@@ -102,6 +104,7 @@ class TongueMesh:
     landmarks: dict[str, Floats] = field(default_factory=dict)
     name: str = "mesh"
     bones: dict[str, Surface] = field(default_factory=dict)
+    volumes: dict[str, Ints] = field(default_factory=dict)
     digest: str = ""
 
     @property
@@ -156,8 +159,10 @@ class TongueMesh:
         assert facet_tags is not None
         facet_tags.name = "surfaces"
         surfaces = {name: group.tag for name, group in data.physical_groups.items() if group.dim == 2}
+        tags = data.cell_tags
+        volumes = {name: tags.find(group.tag).astype(np.int32) for name, group in data.physical_groups.items() if group.dim == 3}
         if stored is None:
-            return cls(mesh, facet_tags, surfaces, name=path.stem, digest=read)
+            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes, digest=read)
         row = _match_cells(mesh, stored["cells"], path)
         nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
         muscles = {}
@@ -168,7 +173,21 @@ class TongueMesh:
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
-        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], digest=read)
+        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, read)
+
+    def region(self, name: str) -> Ints:
+        """Local cells, ghosts too, of a physical volume, also of its parts that others share.
+
+        Raises
+        ------
+        InputError
+            If the mesh has no such volume.
+        """
+        parts = [cells for joined, cells in self.volumes.items() if name == joined or name in joined.split("+")]
+        if not parts:
+            known = ", ".join(sorted({part for joined in self.volumes for part in joined.split("+")})) or "none"
+            raise InputError(f"tissue.regions: the mesh has no volume {name!r}; it has {known}.")
+        return np.concatenate(parts)
 
     def facets(self, names: list[str]) -> Ints:
         """Local facets of the named surfaces."""

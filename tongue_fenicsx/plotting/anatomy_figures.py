@@ -5,20 +5,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..anatomy.anatomy import Anatomy, Muscle
 from ..anatomy.catalogue import CATALOGUE, base_name
 from ..core.types import Floats
-
-vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
+from .canvas import open_plotter
 
 COLOURS = {
     "GGP": "#d62728", "GGH": "#8c1b1b", "GGM": "#ff7f0e", "GGA": "#f2c200", "SG": "#1f77b4", "HG": "#2ca02c", "IL": "#8c564b",
@@ -29,14 +24,14 @@ LEFT, FRONT, OBLIQUE = (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (-1.0, -0.9, 0.45)
 SOFT = ("velum", "pharynx")
 
 
-def muscles(anatomy: Anatomy, path: Path) -> Path:
+def draw_muscles(anatomy: Anatomy, path: Path) -> Path:
     """All muscles from the left and from the front, as PNG: the fibres together, then region and fibres one by one."""
     names = list(dict.fromkeys(base_name(name) for name in anatomy.muscles))
     names.sort(key=lambda name: (list(CATALOGUE).index(name) if name in CATALOGUE else len(CATALOGUE), name))
     regions = _regions(anatomy, names)
     columns = 4
     rows = -(-len(names) // columns)
-    figure = plt.figure(figsize=(15, 7 + 2.3 * rows))
+    figure = Figure(figsize=(15, 7 + 2.3 * rows))
     grid = figure.add_gridspec(
         1 + rows, columns, height_ratios=[3.0] + [1] * rows, hspace=0.12, wspace=0.03, left=0.01, right=0.99, top=0.94, bottom=0.07
     )
@@ -55,15 +50,14 @@ def muscles(anatomy: Anatomy, path: Path) -> Path:
     )
     figure.suptitle(f"{anatomy.name}: muscles", fontsize=15)
     figure.savefig(path, dpi=130)
-    plt.close(figure)
     return path
 
 
-def surroundings(anatomy: Anatomy, path: Path) -> Path:
+def draw_surroundings(anatomy: Anatomy, path: Path) -> Path:
     """The tongue with palate, jaw, hyoid and pharynx: cut in the mid-sagittal plane, whole and from the front, as PNG."""
-    figure, axes = plt.subplots(1, 3, figsize=(16, 5.4), layout="constrained")
+    figure = Figure(figsize=(16, 5.4), layout="constrained")
     for place, view, cut, title in zip(
-        axes,
+        figure.subplots(1, 3),
         (LEFT, OBLIQUE, FRONT),
         (True, False, False),
         ("left half, cut in the mid-plane", "from the front left", "from the front"),
@@ -74,7 +68,6 @@ def surroundings(anatomy: Anatomy, path: Path) -> Path:
         place.set_axis_off()
     figure.suptitle(f"{anatomy.name} among its bones", fontsize=14)
     figure.savefig(path, dpi=130)
-    plt.close(figure)
     return path
 
 
@@ -108,38 +101,35 @@ def _tongue(anatomy: Anatomy) -> pv.PolyData:
 
 
 def _picture(plotter: pv.Plotter, anatomy: Anatomy, view: tuple[float, ...], margin: float) -> Floats:
-    plotter.set_background("white")
     plotter.enable_parallel_projection()
     plotter.view_vector(view, viewup=(0, 0, 1))
     bounds = 1e3 * anatomy.surface.points
     plotter.camera.focal_point = (bounds.min(axis=0) + bounds.max(axis=0)) / 2 + np.array([0, 0, margin / 6])
     plotter.camera.parallel_scale = np.ptp(bounds, axis=0).max() / 2 + margin
     plotter.enable_anti_aliasing("ssaa")
-    image = plotter.screenshot(return_img=True)
-    plotter.close()
-    return np.asarray(image)
+    return np.asarray(plotter.screenshot(return_img=True))
 
 
 def _together(anatomy: Anatomy, names: list[str], view: tuple[float, ...]) -> Floats:
-    plotter = pv.Plotter(off_screen=True, window_size=(1100, 900))
-    plotter.add_mesh(_tongue(anatomy), color="#caa9a0", opacity=0.12, smooth_shading=True)
-    for name in names:
-        lines = [
-            line for muscle in _sides(anatomy, name) if not muscle.name.endswith("_R") or view == FRONT for line in muscle.fibres.lines
-        ]
-        plotter.add_mesh(_tubes(anatomy, lines, 0.55), color=COLOURS.get(name, OTHER), smooth_shading=True)
-    return _picture(plotter, anatomy, view, 4.0)
+    with open_plotter(1100, 900) as plotter:
+        plotter.add_mesh(_tongue(anatomy), color="#caa9a0", opacity=0.12, smooth_shading=True)
+        for name in names:
+            lines = [
+                line for muscle in _sides(anatomy, name) if not muscle.name.endswith("_R") or view == FRONT for line in muscle.fibres.lines
+            ]
+            plotter.add_mesh(_tubes(anatomy, lines, 0.55), color=COLOURS.get(name, OTHER), smooth_shading=True)
+        return _picture(plotter, anatomy, view, 4.0)
 
 
 def _alone(anatomy: Anatomy, name: str, region: pv.PolyData, view: tuple[float, ...]) -> Floats:
-    plotter = pv.Plotter(off_screen=True, window_size=(520, 470))
-    plotter.add_mesh(_tongue(anatomy), color="#caa9a0", opacity=0.18, smooth_shading=True)
-    colour = COLOURS.get(name, OTHER)
-    if region.n_points:
-        plotter.add_mesh(region, color=colour, opacity=0.45, smooth_shading=True)
-    lines = [line for muscle in _sides(anatomy, name) for line in muscle.fibres.lines]
-    plotter.add_mesh(_tubes(anatomy, lines, 0.4), color=colour)
-    return _picture(plotter, anatomy, view, 2.0)
+    with open_plotter(520, 470) as plotter:
+        plotter.add_mesh(_tongue(anatomy), color="#caa9a0", opacity=0.18, smooth_shading=True)
+        colour = COLOURS.get(name, OTHER)
+        if region.n_points:
+            plotter.add_mesh(region, color=colour, opacity=0.45, smooth_shading=True)
+        lines = [line for muscle in _sides(anatomy, name) for line in muscle.fibres.lines]
+        plotter.add_mesh(_tubes(anatomy, lines, 0.4), color=colour)
+        return _picture(plotter, anatomy, view, 2.0)
 
 
 def _tubes(anatomy: Anatomy, lines: list[Floats], radius: float) -> pv.PolyData:
@@ -147,33 +137,33 @@ def _tubes(anatomy: Anatomy, lines: list[Floats], radius: float) -> pv.PolyData:
     lower, upper = anatomy.surface.points.min(axis=0) - 15e-3, anatomy.surface.points.max(axis=0) + 15e-3
     pieces = pv.MultiBlock()
     for line in lines:
-        near = 1e3 * _resampled(line)
+        near = 1e3 * _resample(line)
         near = near[np.all((near > 1e3 * lower) & (near < 1e3 * upper), axis=1)]
         if len(near) > 1:
             pieces.append(pv.lines_from_points(near))
     return pieces.combine().extract_surface(algorithm=None).tube(radius=radius, n_sides=8)
 
 
-def _resampled(line: Floats) -> Floats:
+def _resample(line: Floats) -> Floats:
     s = np.r_[0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
     at = np.linspace(0, s[-1], max(2, int(s[-1] / 1e-3)))
     return np.column_stack([np.interp(at, s, line[:, i]) for i in range(3)])
 
 
 def _scene(anatomy: Anatomy, view: tuple[float, ...], cut: bool) -> Floats:
-    plotter = pv.Plotter(off_screen=True, window_size=(1000, 900))
+    with open_plotter(1000, 900) as plotter:
 
-    def add(mesh: pv.PolyData, **options: object) -> None:
-        if cut:  # solids are cut to solids, sheets to sheets
-            plane = {"normal": "y", "origin": (0, 1e-3, 0)}
-            mesh = mesh.clip(**plane, invert=False) if mesh.n_open_edges else mesh.clip_closed_surface(**plane)
-        if mesh.n_cells:
-            plotter.add_mesh(mesh, smooth_shading=True, split_sharp_edges=cut, ambient=0.3, **options)
+        def add(mesh: pv.PolyData, **options: object) -> None:
+            if cut:  # solids are cut to solids, sheets to sheets
+                plane = {"normal": "y", "origin": (0, 1e-3, 0)}
+                mesh = mesh.clip(**plane, invert=False) if mesh.n_open_edges else mesh.clip_closed_surface(**plane)
+            if mesh.n_cells:
+                plotter.add_mesh(mesh, smooth_shading=True, split_sharp_edges=cut, ambient=0.3, **options)
 
-    add(_tongue(anatomy), color="#d9827c")
-    for name, bone in anatomy.bones.items():
-        sheet = "palate" in name or any(word in name for word in SOFT)
-        colour = "#c98d85" if any(word in name for word in SOFT) else "#f7f3e3" if "teeth" in name else "#d9c59b"
-        opacity = 1.0 if cut or (view == OBLIQUE and not sheet) else 0.45
-        add(bone.to_pyvista().scale(1e3, inplace=False), color=colour, opacity=opacity, culling=None if cut or sheet else "back")
-    return _picture(plotter, anatomy, view, 24.0)
+        add(_tongue(anatomy), color="#d9827c")
+        for name, bone in anatomy.bones.items():
+            sheet = "palate" in name or any(word in name for word in SOFT)
+            colour = "#c98d85" if any(word in name for word in SOFT) else "#f7f3e3" if "teeth" in name else "#d9c59b"
+            opacity = 1.0 if cut or (view == OBLIQUE and not sheet) else 0.45
+            add(bone.to_pyvista().scale(1e3, inplace=False), color=colour, opacity=opacity, culling=None if cut or sheet else "back")
+        return _picture(plotter, anatomy, view, 24.0)

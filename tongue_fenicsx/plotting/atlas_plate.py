@@ -6,14 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
@@ -21,6 +18,7 @@ from ..analysis.tongue_grid import grids, skin
 from ..anatomy.catalogue import CATALOGUE
 from ..core.types import Floats
 from ..runs.run import Run
+from .canvas import open_plotter, save_both
 from .run_figures import COLOURS
 
 VIEWS = {
@@ -33,7 +31,7 @@ PIXELS = 800
 Image = NDArray[np.uint8]
 
 
-def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
+def draw_plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     """Draw the ends of the runs, coloured by displacement, each on a scale of its own, with the rest shape transparent.
 
     Parameters
@@ -50,7 +48,7 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     low, high = everything.min(axis=0), everything.max(axis=0)
     centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     images = {
-        view: _cropped([_picture(rest, moved, camera, centre, radius) for rest, moved in shapes.values()]) for view, camera in VIEWS.items()
+        view: _crop([_picture(rest, moved, camera, centre, radius) for rest, moved in shapes.values()]) for view, camera in VIEWS.items()
     }
     blocks = 2 if len(runs) > 6 else 1
     rows = -(-len(runs) // blocks)
@@ -59,7 +57,7 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     ratios = [*widths, 0.3 * max(widths)] * blocks  # the last for the scale
     inch = 2.0 / max(widths)
     wide, tall = 0.3 + inch * sum(ratios), 1.2 + inch * rows * 1.13 * height
-    figure = plt.figure(figsize=(wide, tall))
+    figure = Figure(figsize=(wide, tall))
     borders = {"left": 0.01, "right": 0.995, "top": 1 - 1.05 / tall, "bottom": 0.01}
     grid = figure.add_gridspec(rows, len(ratios), width_ratios=ratios, wspace=0.02, hspace=0.13, **borders)
     for place, (name, (_, moved)) in enumerate(shapes.items()):
@@ -77,11 +75,7 @@ def plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     figure.suptitle(title, fontsize=14, y=1 - 0.1 / tall, va="top")
     note = "colour: total displacement in mm, each muscle on a scale of its own; transparent: at rest"
     figure.text(0.5, 1 - 0.4 / tall, note, ha="center", va="top", fontsize=10)
-    paths = [path, path.with_suffix(".pdf")]
-    for target in paths:
-        figure.savefig(target, dpi=220)
-    plt.close(figure)
-    return paths
+    return save_both(figure, path, dpi=220)
 
 
 def _most(moved: pv.UnstructuredGrid) -> float:
@@ -93,7 +87,7 @@ def _label(name: str) -> str:
     return f"{name}  {CATALOGUE[name].full_name.replace('_', ' ')}"
 
 
-def _scale(figure: plt.Figure, place: SubplotSpec, most: float) -> None:
+def _scale(figure: Figure, place: SubplotSpec, most: float) -> None:
     axes = figure.add_subplot(place)
     axes.set_axis_off()
     bar = figure.colorbar(
@@ -110,10 +104,8 @@ def _picture(
     radius: float,
 ) -> Image:
     """One view, in parallel projection on white."""
-    plotter = pv.Plotter(off_screen=True, window_size=(PIXELS, PIXELS))
-    try:
+    with open_plotter(PIXELS, PIXELS) as plotter:
         smooth = {"smooth_shading": True, "show_scalar_bar": False}
-        plotter.set_background("white")
         plotter.enable_parallel_projection()
         plotter.add_mesh(skin(moved), scalars="displacement", cmap=COLOURS, clim=(0.0, _most(moved)), ambient=0.25, **smooth)
         plotter.add_mesh(skin(rest), color="gray", opacity=0.3, culling="front", **smooth)
@@ -124,11 +116,9 @@ def _picture(
         plotter.reset_camera_clipping_range()
         plotter.enable_anti_aliasing("ssaa")
         return np.asarray(plotter.screenshot(return_img=True))
-    finally:
-        plotter.close()
 
 
-def _cropped(images: list[Image], margin: int = 6) -> list[Image]:
+def _crop(images: list[Image], margin: int = 6) -> list[Image]:
     """Images cut to what is not white in any of them."""
     drawn = np.any([(image < 250).any(axis=2) for image in images], axis=0)
     (top, bottom), (left, right) = (np.flatnonzero(drawn.any(axis=axis))[[0, -1]] for axis in (1, 0))

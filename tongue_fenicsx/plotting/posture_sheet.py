@@ -5,20 +5,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from ..analysis.airway import Airways, Postures
 from ..analysis.tongue_grid import cut, grids, outline, section
 from ..core.types import Floats
+from .canvas import save_both
 from .run_figures import BONE, PATHS, name_parts
 
 
-def sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
+def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
     """Draw each posture in a row, its settings in colours: the mid-sagittal section and the distance to the walls of the airway.
 
     Parameters
@@ -28,9 +26,8 @@ def sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
     path : Path
         PNG file; a PDF lies beside it.
     """
-    figure, rows = plt.subplots(
-        len(postures), 2, figsize=(11, 3.7 * len(postures)), squeeze=False, layout="constrained", width_ratios=[1, 1.4]
-    )
+    figure = Figure(figsize=(11, 3.7 * len(postures)), layout="constrained")
+    rows = figure.subplots(len(postures), 2, squeeze=False, width_ratios=[1, 1.4])
     for (name, settings), (plane, curve) in zip(postures.items(), rows, strict=True):
         first = settings["none"]
         rest = outline(section(grids(first, 0)[0]))
@@ -53,11 +50,7 @@ def sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
         curve.legend(fontsize=8)
     rows[-1, 0].set_xlabel("← front    x in mm    back →")
     rows[-1, 1].set_xlabel("along the wall, front to back, in mm")
-    paths = [path, path.with_suffix(".pdf")]
-    for target in paths:
-        figure.savefig(target, dpi=150)
-    plt.close(figure)
-    return paths
+    return save_both(figure, path)
 
 
 def _box(contours: list[Floats]) -> tuple[Floats, Floats]:

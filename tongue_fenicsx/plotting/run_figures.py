@@ -7,25 +7,20 @@ from itertools import cycle, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
-import pyvista as pv
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from vtkmodules.vtkCommonCore import vtkLogger
+from matplotlib.figure import Figure
 
 from ..analysis.electropalatogram import ELECTRODES
 from ..analysis.tongue_grid import cut, grids, outline, section, skin
 from ..analysis.trajectories import SLOW, motion
+from .canvas import open_plotter, save_both
 
 if TYPE_CHECKING:
     from ..analysis.airway import Airway
     from ..analysis.electropalatogram import Electropalatogram
     from ..runs.run import Run
-
-vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # without a screen VTK warns, and then draws all the same
 
 COLOURS = "viridis"
 NEAR = "magma"
@@ -37,7 +32,7 @@ PROBES = ("tip", "dorsum", "root")
 """Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
 
 
-def midsagittal(run: Run, index: int | None = None) -> Path:
+def draw_midsagittal(run: Run, index: int | None = None) -> Path:
     """The mid-sagittal section at rest and deformed, coloured by displacement, with the obstacles, as PNG and PDF.
 
     By default at the output at which the tongue is farthest from rest.
@@ -45,7 +40,8 @@ def midsagittal(run: Run, index: int | None = None) -> Path:
     index = run.farthest if index is None else index
     rest, deformed = grids(run, index)
     before, after = section(rest), section(deformed)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.8), sharex=True, sharey=True, layout="constrained")
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     left.add_collection(LineCollection(outline(before), colors="0.2", linewidths=1.4))
     left.triplot(before.points[:, 0], before.points[:, 2], before.regular_faces, color="0.85", linewidth=0.3)
     left.set_title("at rest")
@@ -70,7 +66,7 @@ def midsagittal(run: Run, index: int | None = None) -> Path:
     return _save(figure, run, "midsagittal")
 
 
-def view3d(run: Run, index: int | None = None) -> Path:
+def draw_view3d(run: Run, index: int | None = None) -> Path:
     """The deformed tongue from the front left, coloured by displacement, in its transparent rest shape and among the obstacles.
 
     By default at the output at which the tongue is farthest from rest.
@@ -78,10 +74,7 @@ def view3d(run: Run, index: int | None = None) -> Path:
     index = run.farthest if index is None else index
     rest, deformed = grids(run, index)
     path = run.folder / "figures" / "view3d.png"
-    path.parent.mkdir(exist_ok=True)
-    plotter = pv.Plotter(off_screen=True, window_size=(1200, 900))
-    try:
-        plotter.set_background("white")
+    with open_plotter(1200, 900) as plotter:
         plotter.add_mesh(
             skin(deformed),
             scalars="displacement",
@@ -97,16 +90,14 @@ def view3d(run: Run, index: int | None = None) -> Path:
         plotter.view_vector((-1.2, -1.0, 0.55), viewup=(0, 0, 1))
         plotter.camera.zoom(1.35)
         plotter.screenshot(path)
-    finally:
-        plotter.close()
     return path
 
 
-def trajectories(run: Run) -> Path:
+def draw_trajectories(run: Run) -> Path:
     """Paths of tip, dorsum and root in the mid-sagittal plane (the chapter's Figure 4.6), and over time their displacement (Figure 4.7),
     tangential speed and curvature, as PNG and PDF."""
     names = [name for name in PROBES if name in run.probes] or list(run.probes)
-    figure = plt.figure(figsize=(12, 8.5), layout="constrained")
+    figure = Figure(figsize=(12, 8.5), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=[1, 1.1])
     over_time, speeds, bends = below.subplots(1, 3)
     t = 1e3 * run.time
@@ -134,9 +125,10 @@ def trajectories(run: Run) -> Path:
     return _save(figure, run, "trajectories")
 
 
-def contact(run: Run) -> Path:
+def draw_contact(run: Run) -> Path:
     """Force and area of contact with each obstacle over time, as PNG and PDF."""
-    figure, (force, area) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    figure = Figure(figsize=(10, 3.8), layout="constrained")
+    force, area = figure.subplots(1, 2)
     for name, touch in run.contact.items():
         force.plot(1e3 * run.time, np.linalg.norm(touch["force"], axis=1), label=name)
         area.plot(1e3 * run.time, 1e6 * touch["area"], label=name)
@@ -149,14 +141,14 @@ def contact(run: Run) -> Path:
     return _save(figure, run, "contact")
 
 
-def electropalatogram(run: Run, record: Electropalatogram) -> Path:
+def draw_electropalatogram(run: Run, record: Electropalatogram) -> Path:
     """The electropalatograms from first to last contact, front at the top; where the electrodes lie; how many are on over time."""
     touched = np.flatnonzero(record.on.any(axis=1))
     first, last = (touched[0], touched[-1]) if len(touched) else (0, len(record.time) - 1)
     moments = np.unique(np.linspace(max(first - 1, 0), min(last + 1, len(record.time) - 1), FRAMES).round().astype(int))
     columns = FRAMES // 2
     rows = -(-len(moments) // columns)
-    figure = plt.figure(figsize=(13, 3.6 + 1.3 * rows), layout="constrained")
+    figure = Figure(figsize=(13, 3.6 + 1.3 * rows), layout="constrained")
     frames, below = figure.subfigures(2, 1, height_ratios=[1.3 * rows, 3.2])
     corner = np.array([row > 0 or 0 < column < 7 for row in range(8) for column in range(8)]).reshape(8, 8)
     y, x = np.nonzero(corner)
@@ -182,12 +174,13 @@ def electropalatogram(run: Run, record: Electropalatogram) -> Path:
     return _save(figure, run, "epg")
 
 
-def airway(run: Run, record: Airway) -> Path:
+def draw_airway(run: Run, record: Airway) -> Path:
     """The distance from the walls of the airway to the tongue: in the mid-sagittal plane, along the walls at rest and at the output where
     the tongue is farthest from rest, and along them over time, as PNG and PDF."""
     index = run.farthest
     rest, moved = grids(run, index)
-    figure, (plane, curve, time) = plt.subplots(1, 3, figsize=(14, 4.6), layout="constrained")
+    figure = Figure(figsize=(14, 4.6), layout="constrained")
+    plane, curve, time = figure.subplots(1, 3)
     plane.add_collection(LineCollection(outline(section(rest)), colors="0.5", linewidths=1.0, linestyles="--"))
     plane.add_collection(LineCollection(outline(section(moved)), colors="0.1", linewidths=1.4))
     dots = plane.scatter(*record.wall.T, c=record.distance[index], s=9, cmap=NEAR, vmin=0)
@@ -206,7 +199,7 @@ def airway(run: Run, record: Airway) -> Path:
     return _save(figure, run, "airway")
 
 
-def name_parts(axes: plt.Axes, record: Airway) -> None:
+def name_parts(axes: Axes, record: Airway) -> None:
     """Say along a curve over the wall where each part of it begins."""
     for name in dict.fromkeys(record.part):
         begin = record.along[np.argmax(record.part == name)]
@@ -224,11 +217,5 @@ def _title(run: Run) -> str:
     return f"{run.summary.get('name', run.folder.name)}: {', '.join(muscles) or 'no active muscle'}"
 
 
-def _save(figure: plt.Figure, run: Run, name: str) -> Path:
-    folder = run.folder / "figures"
-    folder.mkdir(exist_ok=True)
-    path = folder / f"{name}.png"
-    figure.savefig(path, dpi=150)
-    figure.savefig(path.with_suffix(".pdf"))
-    plt.close(figure)
-    return path
+def _save(figure: Figure, run: Run, name: str) -> Path:
+    return save_both(figure, run.folder / "figures" / f"{name}.png")[0]

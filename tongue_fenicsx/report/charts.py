@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
+from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from ..core.types import Floats
 from .motion import evenly
+from .templating import render
 
 WIDTH, HEIGHT = 520, 300
 LEFT, RIGHT, TOP, BOTTOM = 58, 12, 10, 44
@@ -29,8 +31,8 @@ class Line:
     y: Floats
 
 
-def chart(title: str, x_label: str, y_label: str, lines: Sequence[Line], *, equal: bool = False, over_time: bool = False) -> str:
-    """A figure with a caption and, for more than one line, a legend.
+def chart(title: str, x_label: str, y_label: str, lines: Sequence[Line], *, equal: bool = False, over_time: bool = False) -> Markup:
+    """A figure as HTML with a caption and, for more than one line, a legend.
 
     Parameters
     ----------
@@ -48,7 +50,7 @@ def chart(title: str, x_label: str, y_label: str, lines: Sequence[Line], *, equa
     width, height = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
     if equal:
         scale = max((x_range[1] - x_range[0]) / width, (y_range[1] - y_range[0]) / height)
-        x_range, y_range = _widened(x_range, scale * width), _widened(y_range, scale * height)
+        x_range, y_range = _widen(x_range, scale * width), _widen(y_range, scale * height)
 
     def across(x: Floats) -> Floats:
         return np.asarray(LEFT + width * (x - x_range[0]) / (x_range[1] - x_range[0]))
@@ -56,38 +58,30 @@ def chart(title: str, x_label: str, y_label: str, lines: Sequence[Line], *, equa
     def up(y: Floats) -> Floats:
         return np.asarray(TOP + height * (y_range[1] - y) / (y_range[1] - y_range[0]))
 
-    parts = []
-    for value in _ticks(*x_range):
-        at = f"{across(value):.1f}"
-        parts.append(f'<path class="grid" d="M{at} {TOP}V{TOP + height}"/>')
-        parts.append(f'<text x="{at}" y="{TOP + height + 16}" text-anchor="middle">{_number(value)}</text>')
-    for value in _ticks(*y_range):
-        at = f"{up(value):.1f}"
-        parts.append(f'<path class="grid" d="M{LEFT} {at}H{LEFT + width}"/>')
-        parts.append(f'<text x="{LEFT - 7}" y="{at}" dy="0.35em" text-anchor="end">{_number(value)}</text>')
-    parts.append(f'<text x="{LEFT + width / 2}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
-    parts.append(f'<text transform="translate(12 {TOP + height / 2}) rotate(-90)" text-anchor="middle">{escape(y_label)}</text>')
-    for number, line in enumerate(lines):
-        kept = evenly(len(line.x), POINTS)
-        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across(line.x[kept]), up(line.y[kept]), strict=True))
-        parts.append(f'<polyline class="line {_style(number)}" points="{places}"/>')
-        if equal:
-            x, y = places.split()[-1].split(",")
-            parts.append(f'<circle class="line {_style(number)}" cx="{x}" cy="{y}" r="3.5"/>')
-    ends = ""
-    if over_time:
-        parts.append(f'<path class="now" d="M0 {TOP}V{TOP + height}"/>')
-        ends = f' data-from="{x_range[0]}" data-to="{x_range[1]}" data-left="{LEFT}" data-width="{width}"'
-    names = ", ".join(line.name for line in lines)
-    alt = escape(f"{title}: {y_label} against {x_label}; {names}.")
-    picture = f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{alt}"{ends}>{"".join(parts)}</svg>'
-    legend = "".join(f'<li class="{_style(number)}">{escape(line.name)}</li>' for number, line in enumerate(lines))
-    keys = f'<ul class="legend">{legend}</ul>' if len(lines) > 1 else ""
-    return f'<figure class="chart"><figcaption>{escape(title)}</figcaption>{picture}{keys}</figure>'
+    return render(
+        "chart.html",
+        title=title,
+        x_label=x_label,
+        y_label=y_label,
+        size=(WIDTH, HEIGHT),
+        left=LEFT,
+        right=LEFT + width,
+        top=TOP,
+        bottom=TOP + height,
+        x_ticks=[(f"{across(value):.1f}", _number(value)) for value in _ticks(*x_range)],
+        y_ticks=[(f"{up(value):.1f}", _number(value)) for value in _ticks(*y_range)],
+        lines=[_describe(number, line, across, up) for number, line in enumerate(lines)],
+        rings=equal,
+        span=x_range if over_time else None,
+    )
 
 
-def _style(number: int) -> str:
-    return f"c{number % COLOURS} d{number % DASHES}"
+def _describe(number: int, line: Line, across: Callable[[Floats], Floats], up: Callable[[Floats], Floats]) -> dict[str, Any]:
+    """A line as the template takes it."""
+    kept = evenly(len(line.x), POINTS)
+    places = [f"{x:.1f},{y:.1f}" for x, y in zip(across(line.x[kept]), up(line.y[kept]), strict=True)]
+    style = f"c{number % COLOURS} d{number % DASHES}"
+    return {"name": line.name, "style": style, "points": " ".join(places), "end": places[-1].split(",")}
 
 
 def _span(values: Floats, margin: float) -> tuple[float, float]:
@@ -98,7 +92,7 @@ def _span(values: Floats, margin: float) -> tuple[float, float]:
     return low - margin * (high - low), high + margin * (high - low)
 
 
-def _widened(ends: tuple[float, float], length: float) -> tuple[float, float]:
+def _widen(ends: tuple[float, float], length: float) -> tuple[float, float]:
     middle = sum(ends) / 2
     return middle - length / 2, middle + length / 2
 

@@ -80,10 +80,10 @@ def motion(run: Run, frames: int) -> dict[str, Any]:
         "outputs": len(outputs),
         "start": int(np.argmax((u**2).sum(axis=(1, 2)))),
         "largest": float(np.linalg.norm(u, axis=2).max()),
-        "rest": _packed(1e3 * points[nodes], "<f4"),
-        "triangles": _packed(triangles, "<u4"),
+        "rest": _pack(1e3 * points[nodes], "<f4"),
+        "triangles": _pack(triangles, "<u4"),
         "unit": unit,
-        "displacement": _packed((u / unit).round(), "<i2"),
+        "displacement": _pack((u / unit).round(), "<i2"),
         "obstacles": [_obstacle(run, name, surface, kept) for name, surface in run.obstacles_at_rest.items()],
     }
 
@@ -94,8 +94,8 @@ def _obstacle(run: Run, name: str, surface: Surface, outputs: Ints) -> dict[str,
     poses = [run.pose(name, int(index)) for index in outputs]
     return {
         "name": name,
-        "points": _packed(1e3 * surface.points, "<f4"),
-        "triangles": _packed(surface.triangles, "<u4"),
+        "points": _pack(1e3 * surface.points, "<f4"),
+        "triangles": _pack(surface.triangles, "<u4"),
         "poses": [np.r_[rotation.ravel(), 1e3 * offset].round(6).tolist() for rotation, offset in poses],
     }
 
@@ -112,5 +112,5 @@ def strain(run: Run) -> tuple[Floats, Floats, Floats]:
     return times, np.array(mean), np.array(high)
 
 
-def _packed(values: NDArray[Any], kind: str) -> str:
+def _pack(values: NDArray[Any], kind: str) -> str:
     return base64.b64encode(values.astype(kind).tobytes()).decode()

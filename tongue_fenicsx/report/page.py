@@ -5,23 +5,22 @@ from __future__ import annotations
 
 import base64
 import io
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from PIL import Image
 
 from ..core.errors import reading
 from ..core.types import Floats
-from ..runs.run import WHOLE, Run
+from ..runs.figures import FIGURES
+from ..runs.run import Run
 from .charts import Line, chart
 from .motion import motion, strain
+from .templating import include, render
 
 STATUS = {
     "done": "Done.",
@@ -68,14 +67,6 @@ MODEL: Quantities = {
     "tendon_length_m": ("tendon length", 1e3, "mm"),
     "sigma_max": ("peak stress", 1e-3, "kPa"),
 }
-PICTURES = {
-    "midsagittal": "Mid-sagittal section at rest and where the tongue is farthest from rest, coloured by displacement",
-    "view3d": "The tongue from the front left where it is farthest from rest, in its transparent rest shape",
-    "trajectories": "Paths of the probes in the mid-sagittal plane and over time",
-    "contact": "Force and area of contact over time",
-    "epg": "Virtual electropalatogram: electrodes touched over time, front at the top",
-    "airway": "Airway: distance from palate, velum and pharynx to the tongue along the mid-line",
-}
 
 
 @dataclass(frozen=True)
@@ -105,91 +96,72 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool) -> str:
     """
     motions = {}
     for label, run in runs.items():
-        with reading(run.folder / "fields.h5", WHOLE):
+        with run.reading("fields.h5"):
             motions[label] = motion(run, detail.frames)
     data = {"largest": max(m["largest"] for m in motions.values()), "runs": list(motions.values())}
-    return _resource("page.html").substitute(
-        title=escape(", ".join(runs)),
-        style=_resource("page.css").template,
-        script=_resource("viewer.js").template,
-        data=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        selector=_selector(runs),
+    return render(
+        "page.html",
+        title=", ".join(runs),
+        style=include("page.css"),
+        script=include("viewer.js"),
+        data=data,
+        labels=list(runs),
         together=_together(runs) if len(runs) > 1 else "",
-        note=_note(detail) if reduced else "",
-        runs="".join(_article(label, run, motions[label], detail) for label, run in runs.items()),
+        detail=detail if reduced else None,
+        runs=Markup().join(_article(label, run, motions[label], detail) for label, run in runs.items()),
     )
 
 
-def _resource(name: str) -> Template:
-    return Template((files(__package__) / name).read_text(encoding="utf-8"))
-
-
-def _selector(runs: Iterable[str]) -> str:
-    options = "".join(f'<option value="{number}">{escape(label)}</option>' for number, label in enumerate(runs))
-    hidden = "" if options.count("<option") > 1 else " hidden"
-    return f'<label class="selector"{hidden}>Run <select id="selector" autocomplete="off">{options}</select></label>'
-
-
-def _note(detail: Detail) -> str:
-    text = f"To keep the page small, it shows at most {detail.frames} moments of a run, and pictures of at most {detail.width} pixels."
-    return f'<p class="note">{text}</p>'
-
-
-def _together(runs: Mapping[str, Run]) -> str:
+def _together(runs: Mapping[str, Run]) -> Markup:
     """All runs side by side: their numbers and the paths of their probes."""
     shown = {key: names for key, names in OUTCOME.items() if any(key in run.summary for run in runs.values())}
-    head = "".join(f'<th scope="col">{escape(label)}{f" in {unit}" if unit else ""}</th>' for label, _, unit in shown.values())
-    rows = "".join(
-        f'<tr><th scope="row">{escape(label)}</th><td>{escape(run.summary.get("status", "no summary"))}</td>'
-        + "".join(f"<td>{_value(run.summary.get(key, '–'), factor)}</td>" for key, (_, factor, _) in shown.items())
-        + "</tr>"
+    rows = [
+        (label, run.summary.get("status", "no summary"), [_value(run.summary.get(key, "–"), shown[key][1]) for key in shown])
         for label, run in runs.items()
-    )
+    ]
     paths: dict[str, dict[str, Floats]] = {}
     for label, run in runs.items():
         for name, u in run.probes.items():
             paths.setdefault(name, {})[label] = u
-    charts = "".join(_paths(_words(name), of) for name, of in paths.items())
-    return (
-        '<section><h2>All runs</h2><div class="wide"><table class="runs">'
-        f'<thead><tr><th scope="col">run</th><th scope="col">status</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
-        f'<h3>Paths of the probes in the mid-sagittal plane</h3><div class="charts">{charts}</div></section>'
-    )
+    charts = Markup().join(_paths(_words(name), of) for name, of in paths.items())
+    head = [f"{label} in {unit}" if unit else label for label, _, unit in shown.values()]
+    return render("together.html", head=head, rows=rows, charts=charts)
 
 
-def _paths(title: str, displacements: Mapping[str, Floats]) -> str:
+def _paths(title: str, displacements: Mapping[str, Floats]) -> Markup:
     """Displacements (n_t, 3) in m by name as paths in the mid-sagittal plane."""
     lines = [Line(name, 1e3 * u[:, 0], 1e3 * u[:, 2]) for name, u in displacements.items()]
     return chart(title, "← forward · displacement in mm · backward →", "upward in mm", lines, equal=True)
 
 
-def _article(label: str, run: Run, moved: Mapping[str, Any], detail: Detail) -> str:
+def _article(label: str, run: Run, moved: Mapping[str, Any], detail: Detail) -> Markup:
     """Everything about one run but its motion."""
     s = run.summary
     status = s.get("status", "unknown")
     shown = len(moved["times"])
     frames = f"{shown} moments" if shown == moved["outputs"] else f"{shown} of {moved['outputs']} moments"
-    tiles = {"largest displacement": f"{moved['largest']:.3g} mm"} | dict(_rows(s, OUTCOME))
-    seen = f"The 3D view shows {frames} until {1e3 * run.time[-1]:.4g} ms."
-    parts = [
-        f'<h2><span class="badge {escape(status)}">{escape(status)}</span> {escape(label)}</h2>',
-        f"<p>{escape(s.get('name', 'Tongue'))}. {STATUS.get(status, KILLED)} {seen}</p>",
-        '<dl class="tiles">' + "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in tiles.items()) + "</dl>",
-        f'<h3>History</h3><div class="charts">{_charts(run)}</div>',
-        f"<h3>Pictures <small>(one that is clicked grows)</small></h3>{_pictures(run, detail.width)}",
-        '<div class="tables">',
-        _table("Model", _rows(s.get("model", {}), {key: (_words(key), 1.0, "") for key in s.get("model", {})} | MODEL)),
-        _table("Solver", _rows(s, SOLVER)),
-        _table("Versions", [(name, escape(version)) for name, version in s.get("versions", {}).items()]),
-        "</div>",
-        _scenario(run),
-    ]
-    return f'<article class="run" aria-label="{escape(label)}">{"".join(parts)}</article>'
+    moments = f"The 3D view shows {frames} until {1e3 * run.time[-1]:.4g} ms."
+    model = s.get("model", {})
+    return render(
+        "run.html",
+        label=label,
+        status=status,
+        about=f"{s.get('name', 'Tongue')}. {STATUS.get(status, KILLED)} {moments}",
+        tiles=[("largest displacement", f"{moved['largest']:.3g} mm"), *_rows(s, OUTCOME)],
+        charts=_charts(run),
+        pictures=_pictures(run, detail.width),
+        tables={
+            "Model": _rows(model, {key: (_words(key), 1.0, "") for key in model} | MODEL),
+            "Solver": _rows(s, SOLVER),
+            "Versions": list(s.get("versions", {}).items()),
+        },
+        scenario=_scenario(run),
+    )
 
 
-def _charts(run: Run) -> str:
+def _charts(run: Run) -> Markup:
     time = 1e3 * run.time
-    with reading(run.folder / "fields.h5", WHOLE):
+    with run.reading("fields.h5"):
         moments, mean, high = strain(run)
     probes = {_words(name): u for name, u in run.probes.items()}
     charts = [_paths("Paths of the probes, from rest (0, 0) to the end (ring)", probes)] if probes else []
@@ -209,18 +181,18 @@ def _charts(run: Run) -> str:
     over_time("Force of contact", "N", [Line(name, time, values) for name, values in forces.items()])
     areas = {_words(name): 1e6 * touch["area"] for name, touch in run.contact.items()}
     over_time("Area of contact", "mm²", [Line(name, time, values) for name, values in areas.items()])
-    return "".join(charts)
+    return Markup().join(charts)
 
 
-def _pictures(run: Run, width: int | None) -> str:
+def _pictures(run: Run, width: int | None) -> list[dict[str, Any]]:
+    """The pictures of a run, those of registered figures first."""
     paths = {path.stem: path for path in sorted((run.folder / "figures").glob("*.png"))}
-    figures = []
-    for name in [*(name for name in PICTURES if name in paths), *(name for name in paths if name not in PICTURES)]:
-        caption = escape(PICTURES.get(name, _words(name)))
+    pictures = []
+    for name in [*(name for name in FIGURES if name in paths), *(name for name in paths if name not in FIGURES)]:
         data, (across, down) = _picture(paths[name], width)
-        source = f'src="data:image/png;base64,{base64.b64encode(data).decode()}" width="{across}" height="{down}"'
-        figures.append(f'<figure tabindex="0"><img {source} alt="{caption}" decoding="async"><figcaption>{caption}</figcaption></figure>')
-    return f'<div class="pictures">{"".join(figures)}</div>' if figures else "<p>The run has drawn none.</p>"
+        caption = FIGURES[name].caption if name in FIGURES else _words(name)
+        pictures.append({"data": base64.b64encode(data).decode(), "width": across, "height": down, "caption": caption})
+    return pictures
 
 
 def _picture(path: Path, width: int | None) -> tuple[bytes, tuple[int, int]]:
@@ -234,32 +206,25 @@ def _picture(path: Path, width: int | None) -> tuple[bytes, tuple[int, int]]:
         return buffer.getvalue(), picture.size
 
 
-def _scenario(run: Run) -> str:
-    path = run.folder / "scenario.toml"
-    if not path.is_file():
-        return ""
-    with reading(path, WHOLE):
-        text = path.read_text(encoding="utf-8")
-    return f"<details><summary>scenario.toml: the whole scenario</summary><pre>{escape(text)}</pre></details>"
+def _scenario(run: Run) -> str | None:
+    if not run.store.has("scenario.toml"):
+        return None
+    with run.reading("scenario.toml"):
+        return run.store.read("scenario.toml").decode()
 
 
 def _rows(values: Mapping[str, Any], quantities: Quantities) -> list[tuple[str, str]]:
-    """Label and value as HTML of every quantity that is there."""
+    """Label and value of every quantity that is there."""
     found = [(names, values[key]) for key, names in quantities.items() if key in values]
     return [(label, f"{_value(value, factor)} {unit}".strip()) for (label, factor, unit), value in found]
 
 
 def _value(value: Any, factor: float) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{escape(name)} {_value(item, factor)}" for name, item in value.items()) or "none"
+        return ", ".join(f"{name} {_value(item, factor)}" for name, item in value.items()) or "none"
     if isinstance(value, int | float):
         return f"{value:,}".replace(",", "\u202f") if isinstance(value, int) and factor == 1 else f"{factor * value:.4g}"
-    return escape(str(value))
-
-
-def _table(title: str, rows: Iterable[tuple[str, str]]) -> str:
-    body = "".join(f'<tr><th scope="row">{escape(name)}</th><td>{value}</td></tr>' for name, value in rows)
-    return f"<section><h3>{title}</h3><table>{body}</table></section>" if body else ""
+    return str(value)
 
 
 def _words(name: str) -> str:

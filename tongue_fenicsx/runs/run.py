@@ -1,30 +1,32 @@
 # SPDX-License-Identifier: MIT
-"""A run, read from its folder; needs no solver."""
+"""A run, read from where it is kept; needs no solver."""
 
 from __future__ import annotations
 
 import json
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from ..core.errors import InputError, reading
+from ..core.errors import InputError, check_outputs, reading
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
+from .figures import FIGURES
+from .store import Folder, Memory, Store
 
 WHOLE = "a whole run folder"
 
 
 class Run:
-    """A finished (or stopped) run, read from its folder.
+    """A finished (or stopped) run, read from its folder or from memory.
 
     Parameters
     ----------
-    folder : path
-        The run folder.
+    source : path or Store
+        The run folder, or a store with its files.
 
     Attributes
     ----------
@@ -38,6 +40,8 @@ class Run:
         Name of each probe to its point (3,) in m of the rest shape.
     energy : dict
         Name to energy or work (n_t,) in J.
+    activation : dict
+        Muscle to its activation (n_t,), 0…1.
     support : dict
         Bonded surface to the force (n_t, 3) in N that its bone exerts on the tongue.
     contact : dict
@@ -52,42 +56,87 @@ class Run:
         If the folder holds no run or its files are damaged.
     """
 
-    def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder)
-        history, summary = self.folder / "history.h5", self.folder / "summary.json"
-        if not history.is_file():
-            raise InputError(f"{self.folder}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
-        with reading(history, WHOLE), h5py.File(history, "r") as file:
+    def __init__(self, source: str | Path | Store) -> None:
+        self.store: Store = Folder(Path(source)) if isinstance(source, str | Path) else source
+        if not self.store.has("history.h5"):
+            raise InputError(f"{self}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
+        with self.reading("history.h5"), self.store.open("history.h5") as file:
             self.time: Floats = file["time"][:]
             names, rest = (file["probes"].attrs[key] for key in ("names", "rest"))
             self.probes: dict[str, Floats] = dict(zip(names, file["probes"][:], strict=True))
             self.rest: dict[str, Floats] = dict(zip(names, rest, strict=True))
             self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
+            self.activation: dict[str, Floats] = {name: data[:] for name, data in file.get("activation", {}).items()}
             self.support: dict[str, Floats] = {name: data[:] for name, data in file.get("support", {}).items()}
             self.contact: dict[str, dict[str, Floats]] = {
                 name: {column: data[:] for column, data in group.items()} for name, group in file.get("contact", {}).items()
             }
             self.volume_ratio: Floats = file["volume_ratio"][:]
         self.summary: dict[str, Any] = {}
-        if summary.is_file():
-            with reading(summary, WHOLE):
-                self.summary = json.loads(summary.read_text(encoding="utf-8"))
+        if self.store.has("summary.json"):
+            with self.reading("summary.json"):
+                self.summary = json.loads(self.store.read("summary.json"))
+
+    @property
+    def folder(self) -> Path:
+        """The run folder.
+
+        Raises
+        ------
+        InputError
+            If the run is in memory.
+        """
+        if not isinstance(self.store, Folder):
+            raise InputError("the run is in memory and has no folder; save it into one, or give output when it is run.")
+        return self.store.path
+
+    def __str__(self) -> str:
+        return str(self.store.path) if isinstance(self.store, Folder) else "a run in memory"
+
+    def reading(self, name: str) -> AbstractContextManager[None]:
+        """Say in one sentence that a file of the run is missing or damaged (see `errors.reading`)."""
+        return reading(self.store.path / name, WHOLE) if isinstance(self.store, Folder) else nullcontext()
+
+    def save(self, folder: str | Path) -> Run:
+        """Write a run that is in memory into a folder, and return it as it is there.
+
+        Raises
+        ------
+        InputError
+            If the run is in a folder already, or this one cannot be written.
+        """
+        if not isinstance(self.store, Memory):
+            raise InputError(f"{self}: is in a folder already; only a run in memory is saved.")
+        files = self.store.files
+        check_outputs(Path(folder), files)
+        for name, data in files.items():
+            (Path(folder) / name).write_bytes(data)
+        return Run(folder)
 
     def field(self, name: str, index: int = -1) -> Floats:
-        """A stored field, (n_nodes, 3) or (n_cells,), at the output `index`."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
+        """A stored field, (n_nodes, 3), (n_cells,) or (n_cells, 3, 3), at the output `index`.
+
+        Raises
+        ------
+        InputError
+            If the run stored no such field.
+        """
+        with self.store.open("fields.h5") as file:
+            known = sorted(file.keys() - {"mesh", "obstacles"})
+            if name not in known:
+                raise InputError(f"field: {self} has no field {name!r}; it has {', '.join(known)}.")
             return np.asarray(file[name][sorted(file[name])[index]][:], dtype=float)
 
     @property
     def output_times(self) -> Floats:
         """Times in s of the stored fields, (n_outputs,)."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
+        with self.store.open("fields.h5") as file:
             return np.asarray(file.attrs["time"])
 
     @property
     def mesh(self) -> tuple[Floats, Ints]:
         """Rest coordinates (n_nodes, 3) in m and quadratic tetrahedra (n_cells, 10) in VTK order."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
+        with self.store.open("fields.h5") as file:
             return file["mesh/points"][:], file["mesh/cells"][:].astype(np.int64)
 
     @cached_property
@@ -98,7 +147,7 @@ class Run:
     @cached_property
     def obstacles_at_rest(self) -> dict[str, Surface]:
         """The surfaces of the obstacles at rest."""
-        with h5py.File(self.folder / "fields.h5", "r") as file:
+        with self.store.open("fields.h5") as file:
             return {name: Surface.read(group) for name, group in file.get("obstacles", {}).items()}
 
     def pose(self, obstacle: str, index: int = -1) -> tuple[Floats, Floats]:
@@ -115,31 +164,22 @@ class Run:
 
         return {name: place(surface, *self.pose(name, index)) for name, surface in self.obstacles_at_rest.items()}
 
-    def plot_trajectories(self) -> Path:
-        """Draw the probe trajectories into ``figures/`` and return the file."""
-        from ..plotting import run_figures as figures
+    def plot(self, *names: str) -> list[Path]:
+        """Draw figures into ``figures/``, with their tables beside it, and return the pictures.
 
-        return figures.trajectories(self)
+        Parameters
+        ----------
+        *names : str
+            Which of `figures.FIGURES`; by default all that apply to the run.
 
-    def plot(self) -> list[Path]:
-        """Draw all figures of the run into ``figures/`` and return the files."""
-        from ..analysis import trajectories as kinematics
-        from ..analysis.airway import WALLS, airway
-        from ..analysis.electropalatogram import PALATES, electropalatogram
-        from ..plotting import run_figures as figures
-
-        paths = [figures.midsagittal(self), figures.view3d(self)]
-        if self.probes:
-            kinematics.write(self, self.folder / "trajectories.csv")
-            paths.append(figures.trajectories(self))
-        if self.contact:
-            paths.append(figures.contact(self))
-        if PALATES.intersection(self.contact):
-            record = electropalatogram(self)
-            record.write(self.folder / "epg.csv")
-            paths.append(figures.electropalatogram(self, record))
-        if self.contact.keys() & set(WALLS):
-            passage = airway(self)
-            passage.write(self.folder / "airway.csv")
-            paths.append(figures.airway(self, passage))
-        return paths
+        Raises
+        ------
+        InputError
+            If the run has no figure of a name, or is in memory.
+        """
+        figures = {name: figure for name, figure in FIGURES.items() if figure.applies(self)}
+        for name in names:
+            if name not in figures:
+                raise InputError(f"plot: the run has no figure {name!r}; it has {', '.join(figures)}.")
+        (self.folder / "figures").mkdir(exist_ok=True)
+        return [figures[name].draw(self) for name in names or figures]

@@ -8,221 +8,162 @@ ranks and a checkpoint continues on any other. Only rank 0 touches files; other 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
-from dataclasses import asdict
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import h5py
 import numpy as np
 from dolfinx import fem
 
-from ..core.errors import InputError, reading
+from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
 from ..geometry.surface import Surface
-from ..mechanics.contact import TOUCH_COLUMNS
-from ..simulation.energy import ENERGIES, Balance
-from ..solvers.time_integration import State
+from . import checkpoint as checkpoints
+from . import history as histories
+from . import xdmf
+from .checkpoint import Checkpoint
+from .history import History, Row, read_rows
 from .numbering import Numbering
+from .store import Store
 
-STATE = ("u", "v", "acceleration", "auxiliary", "average", "pressure")
-"""Arrays of a `State`."""
-
-RUN_FILES = [
-    "scenario.toml", "fields.xdmf", "fields.h5", "history.h5", "summary.json", "log.txt", "checkpoint.h5", "epg.csv",
-    "trajectories.csv", "airway.csv",
-    *(f"figures/{name}.{kind}" for name in ("midsagittal", "trajectories", "contact", "epg", "airway") for kind in ("png", "pdf")),
-    "figures/view3d.png",
-]  # fmt: skip
-"""What a run folder holds."""
+FIELDS, SUMMARY, SCENARIO, LOG = "fields.h5", "summary.json", "scenario.toml", "log.txt"
+RUN_FILES = (SCENARIO, FIELDS, xdmf.FILE, histories.FILE, SUMMARY, LOG, checkpoints.FILE)
+"""What a run folder holds beside tables and figures."""
 
 
 class RunWriter:
-    """Writes a run folder, from rank 0, so that at any time what is on disk can be read.
+    """Writes a run, from rank 0, so that at any time what is stored can be read.
 
     Parameters
     ----------
-    folder : Path
-        The run folder; it exists and is writable.
+    store : Store
+        Where.
     V : fem.FunctionSpace
         Space of the displacement.
     probes : mapping
         Names of the probes to their points (3,) in m of the rest shape.
+
+    Attributes
+    ----------
+    history : History
+        Of all steps, on every rank.
     """
 
-    def __init__(self, folder: Path, V: fem.FunctionSpace, probes: Mapping[str, Floats]) -> None:
-        self.folder, self._probes = folder, probes
+    def __init__(self, store: Store, V: fem.FunctionSpace, probes: Mapping[str, Floats]) -> None:
+        self.store, self.history = store, History(probes)
         self.numbering = Numbering(V)
-        self._root = V.mesh.comm.rank == 0
-        self.rows: list[dict[str, Any]] = []
+        self._comm = V.mesh.comm
         self._times: list[float] = []
 
     def start(self, obstacles: Mapping[str, Surface]) -> None:
-        """Begin a new run, with the surfaces of obstacles at rest: forget what the folder held."""
-        if not self._root:
-            return
-        for name in ("checkpoint.h5", "history.h5", "summary.json"):
-            (self.folder / name).unlink(missing_ok=True)
-        with h5py.File(self.folder / "fields.h5", "w") as file:
-            file["mesh/points"] = self.numbering.points
-            file["mesh/cells"] = self.numbering.cells.astype(np.int32)  # type: ignore[union-attr]
-            for name, surface in obstacles.items():
-                surface.write(file.create_group(f"obstacles/{name}"))
+        """Begin a new run, with the surfaces of obstacles at rest: forget what the store held."""
 
-    def record(self, row: dict[str, Any]) -> None:
-        """Keep one time of the history: ``t``, ``probes`` (n_probe, 3), ``volume_ratio``, the energies, and by name the numbers
-        of ``support`` and ``contact``."""
-        self.rows.append(row)
+        def begin() -> None:
+            assert self.numbering.cells is not None
+            for name in (checkpoints.FILE, histories.FILE, SUMMARY):
+                self.store.remove(name)
+            with self.store.open(FIELDS, "w") as file:
+                file["mesh/points"] = self.numbering.points
+                file["mesh/cells"] = self.numbering.cells.astype(np.int32)
+                for name, surface in obstacles.items():
+                    surface.write(file.create_group(f"obstacles/{name}"))
+
+        on_rank_zero(self._comm, begin)
+
+    def record(self, row: Row) -> None:
+        """Keep one time of the history."""
+        self.history.append(row)
 
     def write_fields(self, t: float, nodal: Mapping[str, Floats], cellwise: Mapping[str, Floats]) -> None:
-        """Write fields of one time: nodal vectors (local, flat) and a number or a tensor per owned cell."""
-        everything = {name: self.numbering.gather(values) for name, values in nodal.items()}
-        everything |= {name: self.numbering.gather_cells(values) for name, values in cellwise.items()}
+        """Write fields of one time: nodal vectors (local, flat) and a number or a tensor per owned cell; and the history so far."""
+        gathered = {name: self.numbering.gather(values) for name, values in nodal.items()}
+        gathered |= {name: self.numbering.gather_cells(values) for name, values in cellwise.items()}
         index = len(self._times)
         self._times.append(t)
-        if not self._root:
-            return
-        with h5py.File(self.folder / "fields.h5", "a") as file:
-            for name, values in everything.items():
-                file.create_dataset(f"{name}/{index:05d}", data=np.asarray(values, dtype=np.float32))
-            file.attrs["time"] = self._times
-        self._write_xdmf(list(nodal), {name: values.shape[1:] for name, values in cellwise.items()})
-        self._write_history()
 
-    def _write_xdmf(self, nodal: list[str], cellwise: dict[str, tuple[int, ...]]) -> None:
-        assert self.numbering.points is not None
-        assert self.numbering.cells is not None
-        n_nodes, n_cells = len(self.numbering.points), len(self.numbering.cells)
-        root = ET.Element("Xdmf", Version="3.0")
-        series = ET.SubElement(ET.SubElement(root, "Domain"), "Grid", Name="tongue", GridType="Collection", CollectionType="Temporal")
+        def write() -> None:
+            fields: dict[str, tuple[str, tuple[int, ...]]] = {}
+            with self.store.open(FIELDS, "a") as file:
+                for name, values in gathered.items():
+                    assert values is not None
+                    file.create_dataset(f"{name}/{index:05d}", data=np.asarray(values, dtype=np.float32))
+                    fields[name] = "Node" if name in nodal else "Cell", values.shape[1:]
+                file.attrs["time"] = self._times
+            assert self.numbering.points is not None
+            assert self.numbering.cells is not None
+            xdmf.write_xdmf(self.store, FIELDS, self._times, len(self.numbering.points), len(self.numbering.cells), fields)
+            self.history.write(self.store)
 
-        def item(parent: ET.Element, path: str, dimensions: str, kind: str, precision: str) -> None:
-            data = ET.SubElement(parent, "DataItem", Dimensions=dimensions, NumberType=kind, Precision=precision, Format="HDF")
-            data.text = f"fields.h5:/{path}"
+        on_rank_zero(self._comm, write)
 
-        for index, t in enumerate(self._times):
-            grid = ET.SubElement(series, "Grid", Name="tongue", GridType="Uniform")
-            ET.SubElement(grid, "Time", Value=repr(t))
-            topology = ET.SubElement(grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(n_cells))
-            item(topology, "mesh/cells", f"{n_cells} 10", "Int", "4")
-            geometry = ET.SubElement(grid, "Geometry", GeometryType="XYZ")
-            item(geometry, "mesh/points", f"{n_nodes} 3", "Float", "8")
-            for name in nodal:
-                attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Vector", Center="Node")
-                item(attribute, f"{name}/{index:05d}", f"{n_nodes} 3", "Float", "4")
-            for name, shape in cellwise.items():
-                attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Tensor" if shape else "Scalar", Center="Cell")
-                item(attribute, f"{name}/{index:05d}", " ".join(map(str, (n_cells, *shape))), "Float", "4")
-        ET.indent(root)
-        _replace(self.folder / "fields.xdmf", lambda path: ET.ElementTree(root).write(path, xml_declaration=True, encoding="utf-8"))
+    def write_checkpoint(
+        self, identity: Mapping[str, str], numbers: Mapping[str, Any], arrays: Mapping[str, Floats], progress: Mapping[str, Any]
+    ) -> None:
+        """Save the whole state; `arrays` are local and flat (see `Checkpoint`)."""
+        gathered = {name: self.numbering.gather(values) for name, values in arrays.items()}
 
-    def _write_history(self) -> None:
-        def write(path: Path) -> None:
-            with h5py.File(path, "w") as file:
-                file["time"] = [row["t"] for row in self.rows]
-                file["probes"] = np.array([row["probes"] for row in self.rows]).reshape(len(self.rows), -1, 3).transpose(1, 0, 2)
-                file["probes"].attrs.update({"names": list(self._probes), "rest": np.reshape(list(self._probes.values()), (-1, 3))})
-                file["volume_ratio"] = [row["volume_ratio"] for row in self.rows]
-                for name in ENERGIES:
-                    file[f"energy/{name}"] = [row[name] for row in self.rows]
-                for name in self.rows[0]["support"]:
-                    file[f"support/{name}"] = np.array([row["support"][name] for row in self.rows])
-                for name in self.rows[0]["contact"]:
-                    table = np.array([row["contact"][name] for row in self.rows])
-                    for column, place in TOUCH_COLUMNS.items():
-                        file[f"contact/{name}/{column}"] = table[:, place]
+        def write() -> None:
+            self.history.write(self.store)
+            kept = {name: values for name, values in gathered.items() if values is not None}
+            Checkpoint(identity, numbers, kept, progress, self._times, len(self.history.rows)).write(self.store)
 
-        _replace(self.folder / "history.h5", write)
+        on_rank_zero(self._comm, write)
 
-    def write_checkpoint(self, state: State, balance: Balance, counters: Mapping[str, Any], identity: str) -> None:
-        """Save the whole state; `identity` says of what problem, so that no other one continues from it."""
-        fields = {name: self.numbering.gather(getattr(state, name)) for name in STATE}
-        if not self._root:
-            return
-
-        def write(path: Path) -> None:
-            with h5py.File(path, "w") as file:
-                file.attrs.update({"t": state.t, "h": state.h, "identity": identity, "times": self._times})
-                file.attrs["balance"] = json.dumps(asdict(balance))
-                file.attrs["counters"] = json.dumps(counters)
-                file.attrs["rows"] = len(self.rows)
-                for name, values in fields.items():
-                    file[name] = values
-
-        self._write_history()
-        _replace(self.folder / "checkpoint.h5", write)
-
-    def read_checkpoint(self, identity: str) -> tuple[State, Balance, dict[str, Any]]:
-        """Continue from the checkpoint of this folder.
+    def read_checkpoint(self, identity: Mapping[str, str]) -> Checkpoint:
+        """Go on from the checkpoint of this store; its arrays are local and flat.
 
         Raises
         ------
         InputError
-            If there is none or it belongs to another problem.
+            If there is none, it belongs to another problem, or a file is damaged.
         """
-        stored = on_rank_zero(self.numbering._comm, lambda: self._load_checkpoint(identity))
-        arrays = {name: self.numbering.scatter(values) for name, values in stored["fields"].items()}
-        self._times, self.rows = stored["times"], stored["rows"]
-        return State(stored["t"], stored["h"], **arrays), Balance(**stored["balance"]), stored["counters"]
+        found: Checkpoint
+        found, self.history.rows = on_rank_zero(self._comm, lambda: self._load(identity))
+        self._times = found.times
+        return replace(found, arrays={name: self.numbering.scatter(values) for name, values in found.arrays.items()})
 
-    def _load_checkpoint(self, identity: str) -> dict[str, Any]:
-        expected = "there is nothing to resume, so run without --resume; a whole run folder"
-        path = self.folder / "checkpoint.h5"
-        with reading(path, expected), h5py.File(path, "r") as file:
-            if file.attrs["identity"] != identity:
-                raise InputError(f"{path}: was saved by another scenario or mesh; run without --resume or in another folder.")
-            stored = {
-                "t": float(file.attrs["t"]),
-                "h": float(file.attrs["h"]),
-                "times": list(map(float, file.attrs["times"])),
-                "balance": json.loads(file.attrs["balance"]),
-                "counters": json.loads(file.attrs["counters"]),
-                "fields": {name: file[name][:] for name in STATE},
-            }
-            n_rows = int(file.attrs["rows"])
-            assert self.numbering.points is not None
-            for name, values in stored["fields"].items():
-                if values.shape != self.numbering.points.shape or not np.isfinite(values).all():
-                    raise ValueError(f"{name} is damaged")
-            if not np.isfinite([stored["t"], stored["h"]]).all() or not stored["balance"] or not stored["counters"]:
-                raise ValueError("it is not complete")
-        path = self.folder / "history.h5"
-        with reading(path, expected), h5py.File(path, "r") as file:
-            columns = {name: file[f"energy/{name}"][:n_rows] for name in ENERGIES}
-            columns |= {"t": file["time"][:n_rows], "volume_ratio": file["volume_ratio"][:n_rows]}
-            probes = file["probes"][:, :n_rows].transpose(1, 0, 2)
-            support = {name: data[:n_rows] for name, data in file.get("support", {}).items()}
-            contact = {
-                name: np.column_stack([group[column][:n_rows] for column in TOUCH_COLUMNS])
-                for name, group in file.get("contact", {}).items()
-            }
-        stored["rows"] = [
-            {name: float(column[i]) for name, column in columns.items()}
-            | {"probes": probes[i]}
-            | {key: {name: rows[i] for name, rows in of.items()} for key, of in (("support", support), ("contact", contact))}
-            for i in range(n_rows)
-        ]
-        path = self.folder / "fields.h5"
-        with reading(path, expected), h5py.File(path, "r+") as file:
-            if len(file["mesh/points"]) != len(self.numbering.points):
-                raise ValueError("it holds another mesh")
-            for key, group in file.items():
-                for name in [n for n in group if key != "obstacles" and n.isdigit() and int(n) >= len(stored["times"])]:
-                    del group[name]
-        return stored
+    def _load(self, identity: Mapping[str, str]) -> tuple[Checkpoint, list[Row]]:
+        assert self.numbering.points is not None
+        n_nodes, name = len(self.numbering.points), checkpoints.FILE
+        try:
+            found = Checkpoint.read(self.store, identity, n_nodes)
+            name = histories.FILE
+            rows = read_rows(self.store, found.n_rows)
+            name = FIELDS
+            with self.store.open(FIELDS, "r+") as file:
+                if len(file["mesh/points"]) != n_nodes:
+                    raise ValueError("it holds another mesh")
+                _forget_outputs(file, len(found.times))
+        except InputError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(
+                f"{name}: cannot be read ({reason}); there is nothing to resume, so run without --resume; a whole run folder is expected."
+            ) from error
+        return found, rows
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the history and ``summary.json``."""
-        if self._root:
-            self._write_history()
-            _replace(self.folder / "summary.json", lambda path: path.write_text(json.dumps(summary, indent=2) + "\n"))
+
+        def write() -> None:
+            self.history.write(self.store)
+            self.store.replace(SUMMARY, lambda target: _write_text(target, json.dumps(summary, indent=2) + "\n"))
+
+        on_rank_zero(self._comm, write)
 
 
-def _replace(path: Path, write: Any) -> None:
-    """Write a file beside its place and move it there whole."""
-    partial = path.with_name(f"{path.name}.partial")
-    write(partial)
-    os.replace(partial, path)
+def _forget_outputs(file: h5py.File, n_outputs: int) -> None:
+    """Remove fields that were written after the checkpoint."""
+    for key, group in file.items():
+        for name in [n for n in group if key != "obstacles" and n.isdigit() and int(n) >= n_outputs]:
+            del group[name]
+
+
+def _write_text(target: Any, text: str) -> None:
+    if hasattr(target, "write"):
+        target.write(text.encode())
+    else:
+        target.write_text(text, encoding="utf-8")

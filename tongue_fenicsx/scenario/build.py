@@ -28,7 +28,7 @@ from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..simulation.simulation import Simulation
 from ..simulation.stepping import Stepping
-from .schema import ActivationSection, ContactSection, MeshSection, Scenario, value_of
+from .schema import ContactSection, MeshSection, Scenario, value_of
 
 MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
 """What a run folder keeps of a mesh that was built for it."""
@@ -129,13 +129,15 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     steps = {"step_max": s.time.largest, "step_min": step_min, "output_every": s.output.every, "fields": s.output.fields}
     return Simulation(
         model,
-        {name: _course(s, section) for name, section in s.activation.items()},
         s.probes,
         value_of(Stepping, s.time, **steps),
         s.solver,
     )
 
 
-def _course(s: Scenario, section: ActivationSection) -> Course:
-    course = section.course()
-    return course if s.excitation is None else value_of(Excited, s.excitation, excitation=course)
+def activation_of(scenario: Scenario) -> dict[str, Course]:
+    """What moves the muscles of a scenario; reads the tables that it names."""
+    courses = {name: section.course() for name, section in scenario.activation.items()}
+    if scenario.excitation is None:
+        return dict(courses)
+    return {name: value_of(Excited, scenario.excitation, excitation=course) for name, course in courses.items()}

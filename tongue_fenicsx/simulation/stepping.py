@@ -34,7 +34,7 @@ class Stepping:
     quasi_static : bool
         Whether inertia and rates are left out, so that every output is an equilibrium.
     fields : sequence of str
-        Fields to store beside displacement, velocity, strain and J: some of `fields.EXTRA_FIELDS`.
+        Fields to store beside displacement, velocity, strain and J: names of `quantities.FIELDS`.
     """
 
     step_max: Seconds = 5e-3

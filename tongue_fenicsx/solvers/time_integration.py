@@ -22,7 +22,7 @@ class State:
     """Everything that the next step needs (owned and ghost values of this rank, SI units).
 
     `average` is the mean velocity of the step that led here, `pressure` that of the mixed form, as the first component of a displacement
-    at the vertices; otherwise nil.
+    at the vertices; otherwise nil; `gammas` how soft each obstacle is, in m/Pa (of obstacles as they are at rest, if empty).
     """
 
     t: float
@@ -33,6 +33,7 @@ class State:
     auxiliary: Floats
     average: Floats
     pressure: Floats
+    gammas: tuple[float, ...] = ()
 
 
 class _Scheme:
@@ -117,6 +118,11 @@ class GeneralizedAlpha(_Scheme):
         velocity = float(self._v_factor.value), self._v_part.x.array
         return velocity, (float(self._a_factor.value), self._a_part.x.array)
 
+    @property
+    def mean_velocity(self) -> Floats:
+        """Of the last step, in m/s."""
+        return self.state.average
+
     def restore(self, state: State) -> None:
         """Go back to a state; `v` and `acceleration` are its own until a step begins."""
         super().restore(state)
@@ -124,7 +130,7 @@ class GeneralizedAlpha(_Scheme):
             factor.value = 0.0
             part.x.array[:] = values
 
-    def accept(self, t: float) -> None:
+    def accept(self, t: float, gammas: tuple[float, ...] = ()) -> None:
         """Make the solved displacement the new state, at time `t` (s)."""
         s, h = self.state, self._h
         a = self._rescaled(h)
@@ -132,7 +138,7 @@ class GeneralizedAlpha(_Scheme):
         acceleration = self._a_factor.value * u + self._a_part.x.array
         auxiliary = ((1 - self.alpha_f) * acceleration + self.alpha_f * s.acceleration - self.alpha_m * a) / (1 - self.alpha_m)
         v = self._v_factor.value * u + self._v_part.x.array
-        self.state = State(t, h, u, v, acceleration, auxiliary, (u - s.u) / h, self._pressures())
+        self.state = State(t, h, u, v, acceleration, auxiliary, (u - s.u) / h, self._pressures(), gammas)
 
     def error(self, before: State) -> Floats:
         """Estimated error in m of the displacement in the step that led here from `before`: against the Taylor series with a
@@ -175,16 +181,21 @@ class QuasiStatic(_Scheme):
         """As of `GeneralizedAlpha`: nil."""
         return (0.0, self._nil.x.array), (0.0, self._nil.x.array)
 
+    @property
+    def mean_velocity(self) -> Floats:
+        """As of `GeneralizedAlpha`: nil."""
+        return np.asarray(self._nil.x.array)
+
     def begin(self, h: float) -> None:
         """Prepare a step of `h`; the first guess goes on as the last step went."""
         self._h = h
         self.u.x.array[:] = self.state.u + h * self.state.average
 
-    def accept(self, t: float) -> None:
+    def accept(self, t: float, gammas: tuple[float, ...] = ()) -> None:
         """Make the solved displacement the new state, at time `t`."""
         u = self.u.x.array.copy()
         s = self.state
-        self.state = State(t, self._h, u, s.v, s.acceleration, s.auxiliary, (u - s.u) / self._h, self._pressures())
+        self.state = State(t, self._h, u, s.v, s.acceleration, s.auxiliary, (u - s.u) / self._h, self._pressures(), gammas)
 
     def error(self, before: State) -> Floats:
         """None: an equilibrium does not know how the load came."""

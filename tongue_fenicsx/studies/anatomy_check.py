@@ -121,51 +121,51 @@ def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[
             case = solo.scenario(name, column.mesh, column.tissue, stress, column.level, walls)
             measured: Movement | None = None
             try:
-                run, how = solo.moved(case, folder / column.folder / name, report)
-                measured = _measured(run)
+                run, how = solo.run(case, folder / column.folder / name, report)
+                measured = _measure(run)
             except SolveError as error:
                 how = str(error)
-            found = {criterion: _judged(criterion, measured) for criterion in criteria(name, column.level)}
+            found = {criterion: _judge(criterion, measured) for criterion in criteria(name, column.level)}
             for criterion, cell in found.items():
                 matrix.setdefault((name, criterion), {})[column] = cell
             say(f"{column.label}, {name}: {sum(cell.holds for cell in found.values())} of {len(found)} hold ({how})")
     return matrix
 
 
-def _judged(criterion: Criterion, measured: Movement | None) -> Cell:
+def _judge(criterion: Criterion, measured: Movement | None) -> Cell:
     return Cell(nan, False) if measured is None else Cell(measured[criterion.quantity], criterion.holds(measured))
 
 
-def _measured(run: Run) -> Movement:
+def _measure(run: Run) -> Movement:
     measured: Movement = on_rank_zero(MPI.COMM_WORLD, partial(movement, run))
     return measured
 
 
-def ordered(matrix: Matrix) -> list[tuple[str, Criterion]]:
+def rows(matrix: Matrix) -> list[tuple[str, Criterion]]:
     """The rows, muscle by muscle in the order of their first appearance."""
     muscles = list(dict.fromkeys(muscle for muscle, _ in matrix))
     return sorted(matrix, key=lambda row: muscles.index(row[0]))
 
 
-def written(matrix: Matrix, settings: Sequence[Column], folder: Path) -> None:
+def write(matrix: Matrix, settings: Sequence[Column], folder: Path) -> None:
     """Write ``anatomy.md``, a table with what fails in bold, and ``anatomy.csv``, one line a cell."""
     head = ["muscle", "part", "statement", "bounds", *(column.label for column in settings)]
     lines = []
     with open(folder / "anatomy.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["muscle", "part", "statement", "bounds", "tongue", "tissue", "activation", "stress_factor", "value", "holds"])
-        for muscle, criterion in ordered(matrix):
+        for muscle, criterion in rows(matrix):
             cells = matrix[muscle, criterion]
             start = [muscle, criterion.part, criterion.says, criterion.bounds]
             for column, cell in cells.items():
                 setting = [column.tongue, column.tissue, column.level, column.factor]
                 writer.writerow([*start, *setting, cell.value, "yes" if cell.holds else "no"])
-            lines.append([*start, *(shown(cells.get(column), "**NO {}**") for column in settings)])
+            lines.append([*start, *(_mark(cells.get(column)) for column in settings)])
     (folder / "anatomy.md").write_text(markdown(head, lines), encoding="utf-8")
 
 
-def shown(cell: Cell | None, failed: str) -> str:
-    """A cell as printed: empty where the criterion does not apply, put into `failed` where it does not hold."""
+def _mark(cell: Cell | None) -> str:
+    """A cell in Markdown: empty where the criterion does not apply, bold where it does not hold."""
     if cell is None:
         return ""
-    return str(cell) if cell.holds else failed.format(cell)
+    return str(cell) if cell.holds else f"**NO {cell}**"

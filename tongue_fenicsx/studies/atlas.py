@@ -27,7 +27,7 @@ COLUMNS = {
 """Of the table, and how its numbers are printed."""
 
 
-def movements(
+def move_each(
     folder: Path, mesh: Path, muscles: list[str], tissue: str, say: Callable[[str], None], report: Report | None = None
 ) -> dict[str, Run]:
     """Run each muscle alone among the bones, each in a folder of its name; one that is already there from the same scenario is taken.
@@ -58,18 +58,22 @@ def movements(
     walls = solo.walls_in(mesh)
     for name in muscles:
         case = solo.scenario(name, mesh, tissue, TISSUES[tissue].peak_stress[name], walls=walls)
-        runs[name], how = solo.moved(case, folder / name, report)
+        runs[name], how = solo.run(case, folder / name, report)
         say(f"{name}: {how}")
     return runs
 
 
-def written(runs: Mapping[str, Run], folder: Path) -> list[list[str]]:
-    """Write ``atlas.csv`` and ``atlas.md``; return the table as it is printed, names of columns first."""
+def table(runs: Mapping[str, Run]) -> list[list[str]]:
+    """What each muscle does, as printed; names of columns first."""
     rows = [single_muscle_row(name, run) for name, run in runs.items()]
-    table = [[key.replace("_", " ") for key in COLUMNS], *([format(r[key], form) for key, form in COLUMNS.items()] for r in rows)]
+    return [[key.replace("_", " ") for key in COLUMNS], *([format(row[key], form) for key, form in COLUMNS.items()] for row in rows)]
+
+
+def write(runs: Mapping[str, Run], folder: Path) -> None:
+    """Write ``atlas.csv``, with all digits, and ``atlas.md``, as printed."""
     with open(folder / "atlas.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
-        writer.writerows(rows)
-    (folder / "atlas.md").write_text(markdown(table[0], table[1:]), encoding="utf-8")
-    return table
+        writer.writerows(single_muscle_row(name, run) for name, run in runs.items())
+    head, *lines = table(runs)
+    (folder / "atlas.md").write_text(markdown(head, lines), encoding="utf-8")

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from mpi4py import MPI
 
 from ..core.errors import InputError, SolveError
 from ..core.versions import versions
-from ..scenario.build import simulation_of
+from ..scenario.build import activation_of, simulation_of
 from ..simulation.stepping import Report
 from . import single_muscle as solo
 
@@ -150,7 +151,11 @@ def calibrate(
             def strain(stress: float, muscle: str = muscle) -> float:
                 case = solo.scenario(muscle, mesh, tissue, stress)
                 try:
-                    reached = float(simulation_of(case, folder).run(case.time.end, folder, report=report).summary["hencky_von_mises_max"])
+                    reached = float(
+                        simulation_of(case, folder)
+                        .run(activation_of(case), case.time.end, folder, report=report)
+                        .summary["hencky_von_mises_max"]
+                    )
                 except SolveError:
                     say(f"{muscle}: {1e-3 * stress:g} kPa, the solve fails")
                     raise
@@ -161,7 +166,10 @@ def calibrate(
     return found
 
 
-HEADER = "# Peak active stresses in Pa, written by tongue calibrate.\n"
+def write(found: Mapping[str, Found], path: Path, mesh: str, tissue: str, target: float) -> None:
+    """Write the stresses and how they were found as a piece of a scenario."""
+    text = tomli_w.dumps(table(found, mesh, tissue, target))
+    path.write_text("# Peak active stresses in Pa, written by tongue calibrate.\n" + text, encoding="utf-8")
 
 
 def table(found: Mapping[str, Found], mesh: str, tissue: str, target: float) -> dict[str, Any]:

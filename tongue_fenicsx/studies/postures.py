@@ -8,16 +8,18 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 
 from ..analysis.airway import WALLS, Airways, Postures, airway
 from ..core.errors import InputError
+from ..core.parallel import on_rank_zero
 from ..core.tables import markdown
 from ..plotting.run_figures import PROBES
 from ..runs.run import Run
 from ..scenario.schema import POSTURES as HEADS
 from ..scenario.schema import MeshSection, Scenario
 from ..simulation.stepping import Report
-from .single_muscle import built, moved
+from . import single_muscle as solo
 
 SETTINGS = ("none", *HEADS)
 """Gravity: off, of the upright head, of the supine one."""
@@ -43,7 +45,7 @@ def check(path: Path, case: Scenario) -> None:
         raise InputError(f"{path}: contact: none with a wall of the airway; [contact.NAME] with one of {', '.join(WALLS)} is expected.")
 
 
-def runs(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], None], report: Report | None = None) -> Postures:
+def move_each(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], None], report: Report | None = None) -> Postures:
     """Run every posture in every setting, in folders of their names; finished runs of the same scenario are taken as they are.
 
     Raises
@@ -58,25 +60,30 @@ def runs(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], None]
         source = case.mesh
         if source.file is None:  # one file for all postures on the same mesh
             path = folder / f"mesh-{hashlib.sha256(repr(source).encode()).hexdigest()[:8]}.msh"
-            source = MeshSection(file=str(built(source, path)))
+            source = MeshSection(file=str(solo.build_mesh(source, path)))
         for setting in SETTINGS:
             on_mesh = with_gravity(case, setting).model_copy(update={"mesh": source})
-            run, how = moved(on_mesh, folder / name / setting, report)
+            run, how = solo.run(on_mesh, folder / name / setting, report)
             found.setdefault(name, {})[setting] = run
             say(f"{name}, gravity {setting}: {how}")
     return found
 
 
 def airways(postures: Postures) -> Airways:
-    """The airway of each run at rest and at the end."""
-    return {name: {setting: airway(run, (0, -1)) for setting, run in settings.items()} for name, settings in postures.items()}
+    """The airway of each run at rest and at the end, on every rank."""
+
+    def measure() -> Airways:
+        return {name: {setting: airway(run, (0, -1)) for setting, run in settings.items()} for name, settings in postures.items()}
+
+    found: Airways = on_rank_zero(MPI.COMM_WORLD, measure)
+    return found
 
 
-def written(postures: Postures, passages: Airways, folder: Path) -> list[list[str]]:
-    """Write ``postures.md``; return it as a table, names of columns first: the displacement of the landmarks backward and upward at the
+def table(postures: Postures, passages: Airways) -> list[list[str]]:
+    """The postures as printed, names of columns first: the displacement of the landmarks backward and upward at the
     end, by how much gravity moves any node at most, and how narrow the airway is where, all in mm."""
     head = ["posture", "gravity", *PROBES, "by gravity", "narrowest", "at", "x, z"]
-    table = [head]
+    rows = [head]
     for name, settings in postures.items():
         alone = settings["none"].field("displacement")
         for setting, run in settings.items():
@@ -86,6 +93,11 @@ def written(postures: Postures, passages: Airways, folder: Path) -> list[list[st
             at = passage.narrowest()
             x, z = passage.wall[at]
             place = f"{passage.distance[-1, at]:.1f}", str(passage.part[at]), f"{x:.0f}, {z:.0f}"
-            table.append([name, setting, *(f"{u[0]:+.1f}, {u[2]:+.1f}" for u in ends), f"{by_gravity:.1f}", *place])
-    (folder / "postures.md").write_text(markdown(table[0], table[1:]), encoding="utf-8")
-    return table
+            rows.append([name, setting, *(f"{u[0]:+.1f}, {u[2]:+.1f}" for u in ends), f"{by_gravity:.1f}", *place])
+    return rows
+
+
+def write(postures: Postures, passages: Airways, folder: Path) -> None:
+    """Write ``postures.md``."""
+    head, *lines = table(postures, passages)
+    (folder / "postures.md").write_text(markdown(head, lines), encoding="utf-8")

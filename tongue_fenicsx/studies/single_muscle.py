@@ -16,7 +16,7 @@ from ..core.parallel import on_rank_zero
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
 from ..runs.run import Run
-from ..scenario.build import anatomy_of, simulation_of, size_of
+from ..scenario.build import activation_of, anatomy_of, simulation_of, size_of
 from ..scenario.files import dump
 from ..scenario.schema import MeshSection, Scenario
 from ..simulation.stepping import Report
@@ -38,7 +38,7 @@ def mesh_of(mesh: Path | None, preset: str, folder: Path) -> Path:
     """The mesh file: the given one, or that of the parametric tongue, built in `folder` if it is not there yet."""
     if mesh is not None:
         return mesh
-    return built(MeshSection(parametric=preset), folder / f"{preset}.msh")
+    return build_mesh(MeshSection(parametric=preset), folder / f"{preset}.msh")
 
 
 def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) -> list[str]:
@@ -72,10 +72,10 @@ def subject_mesh(subject: Path, folder: Path) -> Path:
     InputError
         If the subject's folder cannot be used (see `subject.read_subject`).
     """
-    return built(MeshSection(subject=str(subject)), folder / f"{subject.resolve().name}.msh")
+    return build_mesh(MeshSection(subject=str(subject)), folder / f"{subject.resolve().name}.msh")
 
 
-def built(source: MeshSection, path: Path) -> Path:
+def build_mesh(source: MeshSection, path: Path) -> Path:
     """The mesh file of a mesh section in m, built if it is not there yet."""
     on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy_of(source), path, size_of(source)))
     return path
@@ -112,7 +112,7 @@ def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float =
     )
 
 
-def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
+def run(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
     """Run a scenario with the landmarks as further probes, unless `folder` holds the finished run of the same; also say how long it took.
 
     Raises
@@ -126,9 +126,8 @@ def moved(case: Scenario, folder: Path, report: Report | None = None) -> tuple[R
     text = dump(case)
     if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
         return Run(folder), "already there"
-    simulation_of(case, folder).run(case.time.end, folder, report=report, scenario=text)
-    run = Run(folder)
-    return run, f"{run.summary['wall_seconds']:.0f} s"
+    done = simulation_of(case, folder).run(activation_of(case), case.time.end, folder, report=report, scenario=text)
+    return done, f"{done.summary['wall_seconds']:.0f} s"
 
 
 def _finished(folder: Path, scenario: str) -> bool:

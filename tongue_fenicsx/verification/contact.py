@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from ..core.errors import SolveError
 from ..core.types import Floats
-from ..forms.contact_terms import ContactMeasures
+from ..forms.contact_measures import ContactMeasures
 from ..forms.weak_form import WeakForm
 from ..geometry.obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
 from ..geometry.rigid_motion import RigidMotion
@@ -30,6 +30,7 @@ from ..meshing.tongue_mesh import TongueMesh
 from ..runs.run import Run
 from ..simulation.simulation import Simulation
 from ..simulation.stepping import Stepping
+from ..solvers.equations import Equations
 from ..solvers.newton import Newton
 from ..solvers.time_integration import QuasiStatic
 from ..solvers.tolerances import Tolerances
@@ -48,7 +49,7 @@ def tangent() -> Iterator[Row]:
             block, replace(Tissue.calka(), damping=Rayleigh(20.0, 0.01), peak_stress={"GGP": 3e3}), fixed=["wall"],
             contacts={"ball": Contact(ball, form, theta)},
         ), ["GGP_L"])  # fmt: skip
-        weak.set_time(1.0, {"GGP_L": 0.6})
+        weak.load(1.0, {"GGP_L": 0.6})
         homogeneous(weak, np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.04], [0.03, 0.0, 1.02]]))
         _place(weak, "ball", (0.0, 0.0, 8e-4))
         name = form if form == "penalty" else f"{form}, θ = {theta}"
@@ -64,7 +65,7 @@ def _place(weak: WeakForm, name: str, offset: tuple[float, float, float]) -> Non
 
 def _equilibrium(weak: WeakForm) -> ContactMeasures:
     """Solve for the state at rest, and measure its contact."""
-    newton = Newton(weak, QuasiStatic(weak.u), Tolerances(rtol=1e-11, atol=1e-15, linear=1e-8, max_newton=40), lambda line: None)
+    newton = Newton(Equations(weak, QuasiStatic(weak.u)), Tolerances(rtol=1e-11, atol=1e-15, linear=1e-8, max_newton=40), lambda line: None)
     converged = newton.solve().converged
     while converged and weak.contacts.augment():
         converged = newton.solve().converged
@@ -82,7 +83,7 @@ def pressed() -> Iterator[Row]:
     lid = Plane((0, 0, size), (0, 0, -1))
     for theta in (0, 1, -1):
         weak = WeakForm(Model(box((size,) * 3, (2, 2, 2)), fixed=[], contacts={"lid": Contact(lid, theta=theta)}), [])
-        weak.bcs = [roller(weak, axis) for axis in range(3)]
+        weak.bcs[:] = [roller(weak, axis) for axis in range(3)]
         homogeneous(weak, np.diag([1.04, 1.04, 0.91]))  # a guess
         _place(weak, "lid", (0.0, 0.0, (stretch - 1) * size))
         measures = _equilibrium(weak)
@@ -119,7 +120,7 @@ def hertz(divisions: tuple[int, ...] = (8, 16)) -> Iterator[Row]:
         given = fem.Function(weak.V)
         given.interpolate(lambda X: np.where(np.linalg.norm(X, axis=0) > reach, far(np.where(X == 0, 1e-12, X)), 0.0))
         nodes = weak.supports["far"]
-        weak.bcs = [fem.dirichletbc(given, nodes), roller(weak, 0), roller(weak, 1)]
+        weak.bcs[:] = [fem.dirichletbc(given, nodes), roller(weak, 0), roller(weak, 1)]
         weak.u.x.array.reshape(-1, 3)[nodes] = given.x.array.reshape(-1, 3)[nodes]
         _place(weak, "ball", (0.0, 0.0, -depth))
         down = -_equilibrium(weak).forces[:, 2]
@@ -164,7 +165,7 @@ def incline(end: float = 0.1) -> Iterator[Row]:
 def _run(model: Model, probes: dict[str, tuple[float, float, float]], stepping: Stepping, end: float) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(MPI.COMM_WORLD.bcast(folder))
-        run = Simulation(model, probes=probes, stepping=stepping, tolerances=Tolerances(rtol=1e-6)).run(end, path)
+        run = Simulation(model, probes=probes, stepping=stepping, tolerances=Tolerances(rtol=1e-6)).run({}, end, path)
         MPI.COMM_WORLD.barrier()
     return run
 

@@ -20,6 +20,7 @@ from ..mechanics.hyperelasticity import NeoHookean
 from ..mechanics.model import Model
 from ..mechanics.tissue import Rayleigh, Tissue
 from ..simulation.probes import Probes
+from ..solvers.equations import Equations
 from ..solvers.newton import Newton
 from ..solvers.time_integration import QuasiStatic
 from ..solvers.tolerances import Tolerances
@@ -128,9 +129,9 @@ def cook(n: int = 16) -> Iterator[Row]:
     model = Model(panel, Tissue(NeoHookean(80.1938e6 / 2, 0.4999), 1000.0), fixed=["wall"], mixed=True)
     weak = LoadedForm(model, [], lambda X: X[0] > length - 1e-9)
     weak.bcs.append(roller(weak, 2, 0.0, thickness))
-    newton = Newton(weak, QuasiStatic(weak.u, weak.pressure), Tolerances(rtol=1e-8, atol=1e-6, linear=1e-6), lambda line: None)
+    newton = Newton(Equations(weak, QuasiStatic(weak.u, weak.pressure)), Tolerances(rtol=1e-8, atol=1e-6, linear=1e-6), lambda line: None)
     for share in (0.25, 0.5, 0.75, 1.0):
-        weak.load.value[1] = share * 100e3 / end
+        weak.traction.value[1] = share * 100e3 / end
         if not newton.solve().converged:
             raise SolveError(f"Cook's membrane did not converge at {100 * share:g} % of the load.")
     newton.destroy()
@@ -153,7 +154,7 @@ def taylor() -> Iterator[Row]:
                 replace(Tissue.calka(), damping=Rayleigh(20.0, 0.01), peak_stress={"GGP": 3e3}), contraction,
                 fixed=["wall"], gravity=(0.0, 0.0, -9.81), mixed=mixed,
             ), ["GGP_L"])  # fmt: skip
-            weak.set_time(1.0, {"GGP_L": 0.6})
+            weak.load(1.0, {"GGP_L": 0.6})
             homogeneous(weak, np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.04], [0.03, 0.0, 1.02]]))
             name = "tangent, every term" + (", shortening" if shortening else "") + (", mixed" if mixed else "")
             if shortening:
@@ -170,8 +171,8 @@ def remainder(weak: WeakForm, rate: float = 0.0) -> tuple[float, float, str]:
     velocity, acceleration = (fem.Constant(weak.V.mesh, default_scalar_type(c)) for c in (40.0, 1600.0))
     residual, tangent = weak.equations(velocity * (weak.u - begun) + moving, acceleration * (weak.u - begun))
     unknowns = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
-    forms = weak.compiled([residual] if weak.pressure is None else residual)
-    A = fem_petsc.assemble_matrix(weak.compiled(tangent))
+    forms = weak.compile([residual] if weak.pressure is None else residual)
+    A = fem_petsc.assemble_matrix(weak.compile(tangent))
     A.assemble()
     owned = [f.function_space.dofmap.index_map.size_local * f.function_space.dofmap.index_map_bs for f in unknowns]
     start = [f.x.array.copy() for f in unknowns]
@@ -186,7 +187,7 @@ def remainder(weak: WeakForm, rate: float = 0.0) -> tuple[float, float, str]:
         parts = []
         for function, begin, direction in zip(unknowns, start, directions, strict=True):
             function.x.array[:] = begin + step * direction
-        weak.refresh()
+        weak.update()
         for form, n in zip(forms, owned, strict=True):
             vector = fem.assemble_vector(form)
             vector.scatter_reverse(la.InsertMode.add)

@@ -17,6 +17,7 @@ from ..mechanics.contraction import Contraction
 from ..mechanics.hyperelasticity import Yeoh
 from ..mechanics.model import Model
 from ..mechanics.tissue import Tissue
+from ..solvers.equations import Equations
 from ..solvers.newton import Newton
 from ..solvers.time_integration import GeneralizedAlpha
 from ..solvers.tolerances import Tolerances
@@ -49,9 +50,9 @@ class _Bar(LoadedForm):
         contraction = Contraction(force_velocity, tendon_length=0.0)
         model = Model(cube, Tissue(Yeoh(C10, C20, 0.5), 1e-3, peak_stress={"GGP": PEAK}), contraction, fixed=["wall"], mixed=True)
         super().__init__(model, ["GGP_L"], lambda X: X[0] > SIZE * (1 - 1e-9))
-        self.load.value[0] = load
+        self.traction.value[0] = load
         self.slots.activate({"GGP_L": 1.0})
-        self.bcs = [roller(self, axis) for axis in range(3)]
+        self.bcs[:] = [roller(self, axis) for axis in range(3)]
         self._course, self._place = course, fem.Constant(cube.mesh, default_scalar_type(0.0))
         if course is not None:
             dofs = fem.locate_dofs_topological(self.V.sub(0), 2, self.facets)
@@ -60,23 +61,23 @@ class _Bar(LoadedForm):
     def follow(self, stretch: float, rate: float, end: float, steps: int) -> Floats:
         """Time, stretch and nominal stress in Pa after each step, (steps, 3), from a stretch and its rate in 1/s."""
         scheme = GeneralizedAlpha(self.u, 0.8, self.pressure)
-        newton = Newton(self, scheme, Tolerances(rtol=1e-10, atol=1e-14, linear=1e-8), lambda line: None)
+        equations = Equations(self, scheme)
+        newton = Newton(equations, Tolerances(rtol=1e-10, atol=1e-14, linear=1e-8), lambda line: None)
         velocity = fem.Function(self.V)
         sides = stretch**-0.5
         velocity.interpolate(lambda X: np.diag([rate, -rate * sides**3 / 2, -rate * sides**3 / 2]) @ X)
         homogeneous(self, np.diag([stretch, sides, sides]))
-        scheme.restore(replace(scheme.state, u=self.u.x.array.copy(), v=velocity.x.array.copy()))
+        equations.restore(replace(scheme.state, u=self.u.x.array.copy(), v=velocity.x.array.copy()))
         path = []
         for i in range(1, steps + 1):
             t = i * end / steps
-            scheme.begin(end / steps)
             if self._course is not None:
                 self._place.value = SIZE * (self._course(t) - 1)
-            self.hold()
+            equations.at(t, {"GGP_L": 1.0})
             if not newton.solve().converged:
                 raise SolveError(f"the bar did not converge at t = {t:g} s.")
-            scheme.accept(t)
-            force = newton.forces.unbalanced()[self.nodes, 0].sum()
+            equations.accept(t)
+            force = equations.forces.unbalanced()[self.nodes, 0].sum()
             path.append([t, 1 + self.u.x.array.reshape(-1, 3)[self.nodes, 0].mean() / SIZE, force / SIZE**2])
         newton.destroy()
         return np.array(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a machine needs to run this package, and how to mend what is missing."""
+"""``tongue doctor``: what a machine needs to run this package, and how to mend what is missing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,21 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
+from rich.text import Text
+
+from ..terminal import console
+
 Finding = tuple[str, bool, str]
+
+
+def doctor() -> None:
+    """Say what is installed, what is wrong and how to mend it."""
+    wrong = False
+    for name, fine, text in findings():
+        console.print(Text.assemble(("ok ", "green") if fine else ("bad ", "red"), f"{name}: {text}"))
+        wrong = wrong or not fine
+    if wrong:
+        raise SystemExit(2)
 
 
 def findings() -> Iterator[Finding]:
@@ -89,7 +103,7 @@ def _drawing() -> Finding:
 
 def _cache() -> Finding:
     try:
-        from ..forms.jit import cache_folder
+        from ...forms.jit import cache_folder
 
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""``tongue check``: what a scenario would run."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from ..options import Changes, ScenarioFile
+from ..terminal import console
+
+
+def check(scenario: ScenarioFile, changes: Changes = None) -> None:
+    """Validate a scenario and say what would run, without running."""
+    from ...scenario.files import load
+
+    loaded = load(scenario, changes)
+
+    from ...anatomy.catalogue import peak_stress, resolve
+    from ...forms.weak_form import WeakForm
+    from ...mechanics.hyperelasticity import numbers
+    from ...scenario import build as assemble
+
+    with tempfile.TemporaryDirectory() as folder:
+        simulation = assemble.simulation_of(loaded, Path(folder))
+    model, tongue = simulation.model, simulation.model.tongue
+    n_cells = tongue.mesh.topology.index_map(3).size_global
+    console.print(f"{scenario} is fine: {tongue.name}, {n_cells} tetrahedra, surfaces {', '.join(sorted(tongue.surfaces))}")
+    tissue = model.tissue
+    law = ", ".join(f"{name} {value:g} Pa" for name, value in numbers(tissue.law).items())
+    console.print(f"tissue {loaded.tissue.preset}: {law}, nu {tissue.law.nu:g}, density {tissue.density:g} kg/m³")
+    for name, course in assemble.activation_of(loaded).items():
+        stress = max(peak_stress(resolve(name, tongue.muscles, f"activation.{name}"), tissue.peak_stress).values())
+        ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
+        console.print(f"{name}: {ends}, at most {stress / 1e3:g} kPa")
+    for name, motion in model.moving.items():
+        console.print(f"{name} moves until {1e3 * max(motion.kinks):g} ms")
+    for name, contact in model.contacts.items():
+        console.print(f"contact with {name}: {contact.form}")
+    WeakForm(model, [])  # is the tongue at rest outside the obstacles?
+    console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""``tongue run``: one simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...core.errors import check_outputs
+from ..options import Changes, ScenarioFile
+from ..progress import ProgressBar
+from ..terminal import console, errors
+
+if TYPE_CHECKING:
+    from ...runs.run import Run
+
+
+def run(
+    scenario: ScenarioFile,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folder.")],
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+    changes: Changes = None,
+) -> None:
+    """Run one simulation, also under mpiexec -n N."""
+    from ...scenario.files import dump, load
+
+    loaded = load(scenario, changes)
+
+    from mpi4py import MPI
+
+    from ...core.parallel import on_rank_zero
+    from ...scenario import build as assemble
+
+    comm = MPI.COMM_WORLD
+    on_rank_zero(comm, lambda: check_outputs(output, assemble.MESH_FILES))
+    simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
+    try:
+        with ProgressBar(console, comm.rank == 0) as bar:
+            result = simulation.run(
+                assemble.activation_of(loaded), loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded)
+            )
+    except KeyboardInterrupt:
+        if comm.rank == 0:
+            errors.print(f"interrupted; everything so far is in {output}, go on with --resume")
+        raise SystemExit(130) from None
+    if comm.rank == 0:
+        _print_result(result)
+
+
+def _print_result(run: Run) -> None:
+    """Draw the pictures of a run and print its main numbers."""
+    pictures = run.plot()
+    s = run.summary
+    console.print(
+        f"{s['n_steps']} steps ({s['n_rejected']} rejected), "
+        f"{s['newton_iterations'] / max(s['n_steps'], 1):.1f} Newton iterations a step, {s['wall_seconds']:.0f} s; "
+        f"volume change {100 * s['volume_change_max']:.2f} %, Hencky strain {s['hencky_von_mises_max']:.2f}, "
+        f"peak speed {100 * s['peak_speed_m_s']:.1f} cm/s"
+    )
+    for name, u in s["probes"].items():
+        console.print(f"  {name}: {1e3 * -u[0]:+.1f} mm forward, {1e3 * u[2]:+.1f} mm up")
+    for name, touch in s["contact"].items():
+        console.print(
+            f"  contact with {name}: up to {touch['force_max_N']:.2g} N on {1e6 * touch['area_max_m2']:.0f} mm², "
+            f"{1e3 * touch['penetration_max_m']:.2g} mm deep"
+        )
+    console.print("pictures: " + ", ".join(map(str, pictures)))
+    console.print(f"fields for ParaView: {run.folder / 'fields.xdmf'}")

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+"""``tongue verify``: the model against closed forms, published numbers and another code; muscles against anatomy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...core.errors import InputError
+from ..options import MeshFile, Muscles, check_name, check_single_muscles
+from ..progress import ProgressBar
+from ..study import conduct
+from ..terminal import console, fail, tabulate
+
+if TYPE_CHECKING:
+    from rich.table import Table
+    from rich.text import Text
+
+    from ...studies.anatomy_check import Column, Matrix
+
+
+def verify(
+    only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case, such as patch, fibres or calculix.")] = None,
+    anatomy: Annotated[bool, typer.Option("--anatomy", help="Instead: does each muscle alone do what anatomy says?")] = False,
+    subject: Annotated[
+        Path | None, typer.Option("--subject", metavar="SUBJECT_FOLDER", help="With --anatomy: a real subject as well.")
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="With --anatomy: also at 0.8 and 1.2 of the peak stresses.")] = False,
+    mesh: MeshFile = None,
+    muscle: Muscles = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="With --anatomy: keep the runs and the matrix here.")
+    ] = None,
+) -> None:
+    """Compare the model with closed forms and with CalculiX, or muscles with anatomy; exit 0 only if everything holds."""
+    if anatomy:
+        if only is not None:
+            raise InputError("--only and --anatomy: give one of them.")
+        holds = _verify_anatomy(subject, robust, mesh, muscle, output)
+    else:
+        if subject or robust or mesh or muscle or output:
+            raise InputError("--subject, --robust, --mesh, --muscle and --output belong to --anatomy.")
+        holds = _verify_cases(only)
+    if not holds:
+        raise SystemExit(3)
+
+
+def _verify_cases(only: str | None) -> bool:
+    """Print the table of the cases; say whether every row holds."""
+    from mpi4py import MPI
+
+    from ...verification import CASES
+
+    if only is not None:
+        check_name("--only", only, CASES)
+    rows: list[tuple[str | Text, ...]] = [("case", "reference", "error", "limit", "", "holds")]
+    holds = True
+    for name in CASES if only is None else [only]:
+        if MPI.COMM_WORLD.rank == 0 and console.is_terminal:
+            console.print(f"running {name} …")
+        for row in CASES[name]():
+            verdict = "skipped" if row.skipped else "yes" if row.holds else fail("NO")
+            rows.append((row.case, row.reference, f"{row.error:.2g}", f"{row.limit:g}", row.note, verdict))
+            holds = holds and row.holds
+    if MPI.COMM_WORLD.rank == 0:
+        console.print(tabulate(rows, "verification"))
+    return holds
+
+
+def _verify_anatomy(subject: Path | None, robust: bool, mesh: Path | None, some: list[str] | None, output: Path | None) -> bool:
+    """Print the matrix of the anatomical criteria; say whether all of them hold."""
+    from ...studies import anatomy_check as study
+    from ...studies import atlas
+    from ...studies import single_muscle as solo
+
+    preset = check_single_muscles(mesh, None, "calka", some, atlas.MUSCLES)
+
+    def run(scratch: Path, bar: ProgressBar) -> tuple[Matrix, list[Column]]:
+        folder = output or scratch
+        person = None if subject is None else solo.subject_mesh(subject, folder)
+        settings = study.columns(solo.mesh_of(mesh, preset, folder), person, robust)
+        muscles = {path: solo.muscles_in(path, atlas.MUSCLES, some) for path in {column.mesh: None for column in settings}}
+        return study.check(folder, {column: muscles[column.mesh] for column in settings}, bar.say, bar), settings
+
+    def show(found: tuple[Matrix, list[Column]]) -> Iterator[Table | str]:
+        matrix, settings = found
+        rows: list[list[str | Text]] = [["muscle", "part", "statement", "bounds", *(column.label for column in settings)]]
+        for name, criterion in study.rows(matrix):
+            cells = [matrix[name, criterion].get(column) for column in settings]
+            verdicts = ("" if cell is None else str(cell) if cell.holds else fail(f"NO {cell}") for cell in cells)
+            rows.append([name, criterion.part, criterion.says, criterion.bounds, *verdicts])
+        yield tabulate(rows, "what each muscle must do alone")
+        for column in settings:
+            holding = [cells[column].holds for cells in matrix.values() if column in cells]
+            yield f"{column.label}: {sum(holding)} of {len(holding)} hold"
+
+    matrix, _ = conduct(output, study.FILES, run, show, lambda found, folder: study.write(*found, folder))
+    return all(cell.holds for cells in matrix.values() for cell in cells.values())

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""What contact does: its forces, areas and pressures."""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from ..core.types import Expr
+from ..mechanics.contact import Touch
+from .assembly import assemble
+from .weak_form import WeakForm
+
+
+class ContactMeasures:
+    """Force, area and pressure of contact at the state of a weak form.
+
+    Parameters
+    ----------
+    weak : WeakForm
+        The weak form.
+    v : Expr
+        Velocity.
+    """
+
+    def __init__(self, weak: WeakForm, v: Expr) -> None:
+        self._weak = weak
+        mesh = weak.V.mesh
+        self._comm = mesh.comm
+        F = ufl.Identity(3) + ufl.grad(weak.u)
+        N = ufl.FacetNormal(mesh)
+        cofactor = ufl.det(F) * ufl.inv(F).T * N
+        stretch = ufl.sqrt(ufl.dot(cofactor, cofactor))
+        w, q = ufl.TestFunction(weak.V), ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
+        self._forms = {}
+        for name, term in weak.contacts.terms.items():
+            stress = weak.surface_stress(weak.u, v) if term.contact.form == "nitsche" else None
+            pressure = term.pressure(term.traction(stress, N))
+            touched = ufl.conditional(ufl.gt(pressure, 0.0), stretch, 0.0)
+            ds = weak.ds_contact
+            forms = (pressure * ufl.dot(term.normal, w) * ds, pressure * q * ds, touched * q * ds)
+            self._forms[name] = [weak.compile(form) for form in forms]
+
+    def evaluate(self) -> None:
+        """Read the present state: `touches` by obstacle, `forces` (owned nodes, 3) in N, `pressure` (owned cells,) in Pa."""
+        V = self._weak.V
+        self.forces = np.zeros((V.dofmap.index_map.size_local, 3))
+        self.pressure = np.zeros(V.mesh.topology.index_map(3).size_local)
+        self.touches: dict[str, Touch] = {}
+        for name, (force_form, load_form, area_form) in self._forms.items():
+            forces = assemble(force_form)[: self.forces.size].reshape(-1, 3)
+            load, area = (assemble(form)[: len(self.pressure)] for form in (load_form, area_form))
+            pressure = np.divide(load, area, out=np.zeros_like(load), where=area > 0)
+            self.forces += forces
+            self.pressure += pressure
+            term = self._weak.contacts.terms[name]
+            self.touches[name] = Touch(
+                np.asarray(self._comm.allreduce(forces.sum(axis=0))),
+                float(self._comm.allreduce(float(area.sum()))),
+                float(self._comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)),
+                self._weak.contacts.penetration(term),
+                term.placed.rotation,
+                term.placed.offset,
+            )

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: MIT
+"""Forms, solver and sensors of a model: made once, used by any number of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from ..forms.weak_form import WeakForm
+from ..mechanics.model import Model
+from ..solvers.equations import Equations
+from ..solvers.initial_acceleration import set_initial_acceleration
+from ..solvers.newton import Newton, Outcome
+from ..solvers.time_integration import GeneralizedAlpha, QuasiStatic, State
+from ..solvers.tolerances import Tolerances
+from .energy import Balance
+from .probes import Probes
+from .snapshot import Sensors, Snapshot, describe_extremes
+from .stepping import Stepping
+
+AUGMENTATIONS = 5
+"""How often a step is solved again where it is too deep in an obstacle."""
+
+
+class Engine:
+    """Solves the steps of a model with some of its muscles.
+
+    Parameters
+    ----------
+    model : Model
+        What is simulated.
+    muscles : sequence of str
+        Those that can contract, with sides.
+    probes : Probes
+        Points that are followed.
+    stepping : Stepping
+        The scheme in time.
+    tolerances : Tolerances
+        Accuracy of each solve.
+
+    Attributes
+    ----------
+    log : callable
+        Takes a line; settable.
+    """
+
+    def __init__(self, model: Model, muscles: Sequence[str], probes: Probes, stepping: Stepping, tolerances: Tolerances) -> None:
+        self.log: Callable[[str], None] = lambda line: None
+        self._tolerances, self._quasi_static = tolerances, stepping.quasi_static
+        self.weak = weak = WeakForm(model, muscles)
+        scheme = (
+            QuasiStatic(weak.u, weak.pressure)
+            if stepping.quasi_static
+            else GeneralizedAlpha(weak.u, stepping.spectral_radius, weak.pressure)
+        )
+        self.equations = Equations(weak, scheme)
+        self._rest = scheme.state
+        self._newton = Newton(self.equations, tolerances, lambda line: self.log(line))
+        self._sensors = Sensors(self.equations, probes)
+
+    def destroy(self) -> None:
+        """Free the solver, on all ranks at once."""
+        self._newton.destroy()
+
+    def renew(self, model: Model, muscles: Sequence[str]) -> bool:
+        """Take another model and other muscles, if only numbers change; whether that was so."""
+        fits = self.weak.fits(model, muscles)
+        if fits:
+            self.weak.renew(model, muscles)
+        return fits
+
+    @property
+    def n_unknowns(self) -> int:
+        """Unknowns, fixed ones included."""
+        return self._newton.n_unknowns
+
+    @property
+    def first_choice(self) -> str:
+        """The linear solver that should serve."""
+        return self._newton.ladder[0]
+
+    def rest(self) -> Snapshot:
+        """Rest, with all muscles relaxed."""
+        self.equations.restore(self._rest)
+        return Snapshot(self._sensors, dict.fromkeys(self.weak.slots.names, 0.0))
+
+    def start(self, levels: Mapping[str, float]) -> Snapshot:
+        """Begin at rest at t = 0 with muscles at `levels`."""
+        self.equations.restore(self._rest)
+        self.equations.at(0.0, levels)
+        if not self._quasi_static:
+            set_initial_acceleration(self.equations, self._tolerances.atol)
+        return self._begin(levels, None)
+
+    def resume(self, state: State, levels: Mapping[str, float], balance: Balance) -> Snapshot:
+        """Go on from a state, at which muscles are at `levels`, with its energy balance."""
+        self.equations.restore(state)
+        self.equations.at(state.t, levels)
+        return self._begin(levels, balance)
+
+    def _begin(self, levels: Mapping[str, float], balance: Balance | None) -> Snapshot:
+        now = Snapshot(self._sensors, levels)
+        self._sensors.energy.begin(now.reaction, now.contact.forces, balance)
+        return now
+
+    def solve(self, t: float, levels: Mapping[str, float]) -> Outcome:
+        """Solve the step to time `t` (s): if that fails in contact, from where softer obstacles stop the tongue; and again with augmented
+        contact where it is too deep in one. The state is as before."""
+        contacts = self.weak.contacts
+        self.equations.at(t, levels)
+        outcome = self._newton.solve()
+        if contacts.terms and not outcome.converged:
+            self.equations.at(t, levels)
+            with contacts.soften():
+                outcome = outcome.then(self._newton.solve())
+            if outcome.converged:
+                outcome = outcome.then(self._newton.solve())
+        for _ in range(AUGMENTATIONS):
+            if not (outcome.converged and contacts.augment()):
+                break
+            outcome = outcome.then(self._newton.solve())
+        return outcome
+
+    def measure(self, levels: Mapping[str, float]) -> Snapshot:
+        """The state that was just accepted, after a step with muscles at `levels`; its energies are in the balance."""
+        now = Snapshot(self._sensors, levels)
+        self._sensors.energy.advance(now.reaction, now.contact.forces)
+        return now
+
+    def describe_iterate(self) -> str:
+        """Where J is smallest and the stretch largest in what the last solve left."""
+        return describe_extremes(self._sensors.points, self.weak.V.mesh.comm)

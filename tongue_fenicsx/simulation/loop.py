@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""One run: an engine driven through time, with output, roll-back and restart."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+from mpi4py import MPI
+
+from ..core.errors import SolveError
+from ..core.interruption import interruptible
+from ..mechanics.model import Model
+from ..runs.writer import RunWriter
+from ..solvers.newton import Outcome
+from ..solvers.time_integration import State
+from .energy import Balance
+from .engine import Engine
+from .quantities import FIELDS, HISTORY
+from .snapshot import Snapshot
+from .step_control import StepControl
+from .stepping import Progress, Report, Stepping
+from .summary import Ending, summarise
+from .totals import Totals
+
+NUMBERS = ("t", "h", "gammas")
+"""What of a `State` are numbers and not nodal arrays."""
+
+
+class Loop:
+    """A run in progress.
+
+    Parameters
+    ----------
+    engine : Engine
+        Solves the steps.
+    model, stepping : Model, Stepping
+        What is simulated, and how.
+    activation : callable
+        Level of each muscle at a time, from the last state.
+    t_end : float
+        In s.
+    kinks : list of float
+        Times in s that steps must end on.
+    writer : RunWriter
+        Takes the results.
+    identity : mapping
+        Of the problem, for checkpoints.
+    where : str
+        Where the results are, for messages.
+    report, after_step : callable, optional
+        See `Simulation.run`.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        model: Model,
+        stepping: Stepping,
+        activation: Callable[[float, Snapshot], Mapping[str, float]],
+        t_end: float,
+        kinks: list[float],
+        writer: RunWriter,
+        identity: Mapping[str, str],
+        where: str,
+        report: Report | None,
+        after_step: Callable[[Snapshot], object] | None,
+    ) -> None:
+        self._engine, self._model, self._stepping, self._activation = engine, model, stepping, activation
+        self._t_end, self._kinks, self._writer, self._identity, self._where = t_end, kinks, writer, identity, where
+        self._report, self._after_step = report, after_step
+        self._comm = model.tongue.comm
+        self._totals = Totals()
+
+    def begin(self, clock: float) -> None:
+        """Begin at rest; `clock` is when setting up began."""
+        self._steps = StepControl(self._stepping, self._t_end, self._kinks)
+        self._writer.start({name: contact.obstacle.surface for name, contact in self._model.contacts.items()})
+        self._now = self._engine.start(self._activation(0.0, self._engine.rest()))
+        self._record()
+        self._output()
+        self._set_clock(clock)
+
+    def resume(self, clock: float) -> None:
+        """Go on from the checkpoint."""
+        saved = self._writer.read_checkpoint(self._identity)
+        numbers = dict(saved.numbers)
+        state = State(**{**{name: numbers.pop(name) for name in NUMBERS}, **saved.arrays} | {"gammas": tuple(saved.numbers["gammas"])})
+        balance, self._totals = Balance(**saved.progress["balance"]), Totals(**saved.progress["totals"])
+        self._steps = StepControl(self._stepping, self._t_end, self._kinks, **saved.progress["steps"])
+        self._now = self._engine.resume(state, saved.progress["levels"], balance)
+        self._engine.log(f"resumed at t = {state.t:.6f} s")
+        self._set_clock(clock)
+
+    def _set_clock(self, clock: float) -> None:
+        self._clock = time.perf_counter()
+        self._totals.setup_seconds += self._clock - clock
+
+    def go(self) -> None:
+        """Step to the end, cutting steps that fail and growing them again.
+
+        Raises
+        ------
+        SolveError
+            If the solve fails at the smallest step.
+        KeyboardInterrupt
+            If it was interrupted; everything up to the last step is saved.
+        """
+        with interruptible() as interrupted:
+            while self._now.t < self._t_end * (1 - 1e-12):
+                self._step()
+                if self._comm.allreduce(int(interrupted()), op=MPI.MAX):
+                    self._finish("interrupted")
+                    raise KeyboardInterrupt
+        self._finish("done")
+
+    def _step(self) -> None:
+        engine, before = self._engine, self._engine.equations.state
+        t, target = self._steps.next_time(before.t)
+        levels = self._activation(t, self._now)
+        outcome = engine.solve(t, levels)
+        self._totals.count(outcome)
+        fault: str | None = outcome.reason
+        if outcome.converged:
+            engine.equations.accept(t)
+            fault = self._steps.find_fault(engine.equations, before)
+        h = t - before.t
+        if fault is None:
+            self._steps.grow(h, outcome)
+            self._now = engine.measure(levels)
+            self._totals.step(self._now, outcome, engine.first_choice)
+            self._after(outcome, target)
+        else:
+            where = "" if outcome.converged else engine.describe_iterate()
+            engine.equations.restore(before)
+            self._reject(h, fault, where, outcome.converged)
+
+    def _reject(self, h: float, fault: str, where: str, converged: bool) -> None:
+        self._totals.n_rejected += 1
+        allowed = self._steps.cut(h, converged)
+        t = self._now.t
+        self._engine.log(f"step rejected at t = {t:.6f} s, h = {1e3 * h:.4f} ms ({fault}); cut to {1e3 * self._steps.step:.4f} ms")
+        if not allowed:
+            self._engine.equations.at(t, self._now.levels)
+            self._finish("failed")
+            raise SolveError(
+                f"the solve failed at t = {t:.6f} s even with the smallest step, {self._stepping.step_min:g} s ({fault}); "
+                f"{where}. The last good state is saved in {self._where}. Less activation, a slower rise, a longer tendon or "
+                "another element size may help."
+            )
+
+    def _after(self, outcome: Outcome, target: float) -> None:
+        now = self._now
+        self._record()
+        self._engine.log(
+            f"t = {now.t:.6f} s  h = {1e3 * now.h:.3f} ms  newton {outcome.newton}  krylov {outcome.krylov}  {outcome.rung}  "
+            f"min J {now.min_jacobian:.3f}  volume {100 * (now.volume_ratio - 1):+.3f} %"
+        )
+        if self._after_step is not None:
+            self._after_step(now)
+        if self._report is not None and self._comm.rank == 0:
+            self._report(Progress(now.t, self._t_end, self._totals.n_steps, now.h, outcome.newton, outcome.krylov, outcome.rung))
+        if now.t >= target and self._steps.stores(target):
+            self._output()
+            self._checkpoint()
+
+    def _record(self) -> None:
+        row: dict[str, Any] = {}
+        for quantity in HISTORY.values():
+            row |= quantity.values(self._now)
+        self._writer.record(row)
+
+    def _output(self) -> None:
+        self._totals.output(self._now)
+        nodal: dict[str, Any] = {}
+        cellwise: dict[str, Any] = {}
+        for quantity in FIELDS.values():
+            if quantity.default or quantity.name in self._stepping.fields:
+                (nodal if quantity.centre == "Node" else cellwise).update(quantity.values(self._now))
+        self._writer.write_fields(self._now.t, nodal, cellwise)
+
+    def _checkpoint(self) -> None:
+        now = time.perf_counter()
+        self._totals.wall_seconds += now - self._clock
+        self._clock = now
+        state = self._engine.equations.state
+        numbers = {name: getattr(state, name) for name in NUMBERS}
+        arrays = {item.name: getattr(state, item.name) for item in fields(state) if item.name not in NUMBERS}
+        progress = {
+            "balance": asdict(self._now.balance),
+            "totals": asdict(self._totals),
+            "steps": {"step": self._steps.step, "largest": self._steps.largest},
+            "levels": dict(self._now.levels),
+        }
+        self._writer.write_checkpoint(self._identity, numbers, arrays, progress)
+
+    def _finish(self, status: str) -> None:
+        self._checkpoint()
+        writer = self._writer
+        writer.finish(
+            summarise(Ending(status, self._model, self._now, self._totals, writer.history, writer.numbering, self._engine.n_unknowns))
+        )
+        self._engine.log(f"{status} at t = {self._now.t:.6f} s after {self._totals.wall_seconds:.1f} s")
