@@ -87,7 +87,8 @@ class Real(Accepts):
         low, high = f"{self.low:g}", f"{self.high:g}{f' {self.unit}' if self.unit else ''}"
         if not (self.above or self.below):
             return f"a {number} from {low} to {high} is"
-        return f"a {number} {'above' if self.above else 'from'} {low} {'and below' if self.below else 'and up to' if self.above else 'to'} {high} is"
+        end = "and below" if self.below else "and up to"
+        return f"a {number} {'above' if self.above else 'from'} {low} {end} {high} is"
 
     def take(self, value: Any) -> float | int | None:
         """As of `Accepts`."""
@@ -184,9 +185,10 @@ def checked[T](where: str) -> Callable[[type[T]], type[T]]:
         def post_init(self: Any) -> None:
             for name, adapter in _adapters(cast(Hashable, type(self))).items():
                 try:
-                    object.__setattr__(self, name, adapter.validate_python(getattr(self, name)))
+                    value = adapter.validate_python(getattr(self, name))
                 except ValidationError as error:
                     raise InputError(explain(error, type(self), [where, name])) from error
+                object.__setattr__(self, name, tuple(value) if isinstance(value, list) else value)
             if whole is not None:
                 whole(self)
 

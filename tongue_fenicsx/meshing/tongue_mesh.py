@@ -92,12 +92,12 @@ class TongueMesh:
         Name to point (3,) in m in the rest shape.
     bones : dict
         Name to the surface of a bone or wall around it, for contact.
-    digest : str
-        Hash of the files that it was read from.
     name : str
         What the tongue is called.
     volumes : dict
         Name of each physical volume to its local cells, ghosts too; where muscles overlap, names are joined by ``+``.
+    digest : str
+        Hash of the files that it was read from.
     """
 
     mesh: dmesh.Mesh

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -89,13 +88,14 @@ def build(
 def _shape(changes: list[str], sex: str | None, age: float | None) -> TongueShape:
     """The shape that the options describe."""
     from ...anatomy.parametric.size import TongueShape
+    from ...core.values import keys
 
     if age is not None and sex is None:
         raise InputError("--age: needs --sex male or female.")
     values = {} if sex is None else {"scale": TongueShape.of_person(sex, 30.0 if age is None else age).scale}
     for change in changes:
         key, _, text = change.partition("=")
-        check_name(f"--shape {change}", key, [item.name for item in fields(TongueShape)])
+        check_name(f"--shape {change}", key, keys(TongueShape))
         try:
             number = float(text)
         except ValueError:
