@@ -8,6 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated
 
+import numpy as np
+from mpi4py import MPI
+
 from ..anatomy.anatomy import Anatomy
 from ..anatomy.catalogue import CATALOGUE, base_name, resolve
 from ..core.errors import InputError
@@ -112,7 +115,17 @@ class Model:
 
     def fingerprint(self) -> dict[str, str]:
         """Hash of each part, by the name of its argument; models that have all in common move alike."""
-        return {item.name: fingerprint(getattr(self, item.name)) for item in fields(self)}
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        if callable(self.fibre):
+            values["fibre"] = self.fibre(self._grid())
+        return {name: fingerprint(value) for name, value in values.items()}
+
+    def _grid(self) -> Floats:
+        """Points (1000, 3) in m all over the box around the mesh, the same on all ranks."""
+        x, comm = self.tongue.mesh.geometry.x, self.tongue.comm
+        low, high = comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN), comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
+        shares = np.stack(np.meshgrid(*3 * [np.linspace(0, 1, 10)]), axis=-1).reshape(-1, 3)
+        return np.asarray(low + shares * (high - low))
 
     @property
     def bonded(self) -> list[str]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,8 +60,8 @@ class Checkpoint:
         store.replace(FILE, write)
 
     @classmethod
-    def read(cls, store: Store, identity: Mapping[str, str], n_nodes: int) -> Checkpoint:
-        """The checkpoint of a problem.
+    def read(cls, store: Store, identity: Callable[[float], Mapping[str, str]], n_nodes: int) -> Checkpoint:
+        """The checkpoint of the problem whose fingerprints at a time `identity` tells.
 
         Raises
         ------
@@ -72,7 +72,8 @@ class Checkpoint:
         """
         with store.open(FILE) as file:
             saved, numbers, progress = (json.loads(file.attrs[name]) for name in ("identity", "numbers", "progress"))
-            differs = sorted(key for key in saved.keys() | identity.keys() if saved.get(key) != identity.get(key))
+            ours = identity(numbers["t"])
+            differs = sorted(key for key in saved.keys() | ours.keys() if saved.get(key) != ours.get(key))
             if differs:
                 raise InputError(
                     f"{FILE}: was saved by a run that differs in {', '.join(differs)}; run without --resume, or in another folder."

@@ -8,7 +8,7 @@ ranks and a checkpoint continues on any other. Only rank 0 touches files; other 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -111,8 +111,8 @@ class RunWriter:
 
         on_rank_zero(self._comm, write)
 
-    def read_checkpoint(self, identity: Mapping[str, str]) -> Checkpoint:
-        """Go on from the checkpoint of this store; its arrays are local and flat.
+    def read_checkpoint(self, identity: Callable[[float], Mapping[str, str]]) -> Checkpoint:
+        """Go on from the checkpoint of this store, if it is of the problem that `identity` tells for its time; its arrays are local and flat.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class RunWriter:
         self._times = found.times
         return replace(found, arrays={name: self.numbering.scatter(values) for name, values in found.arrays.items()})
 
-    def _load(self, identity: Mapping[str, str]) -> tuple[Checkpoint, list[Row]]:
+    def _load(self, identity: Callable[[float], Mapping[str, str]]) -> tuple[Checkpoint, list[Row]]:
         assert self.numbering.points is not None
         n_nodes, name = len(self.numbering.points), checkpoints.FILE
         try:

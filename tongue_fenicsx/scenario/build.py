@@ -23,10 +23,11 @@ from ..geometry.surface import SUFFIXES, read_surface
 from ..mechanics.activation import Course, Excited
 from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
+from ..mechanics.control import OpenLoop
 from ..mechanics.model import Model
 from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
-from ..simulation.simulation import Simulation
+from ..simulation.simulation import Simulation, resolve_sides
 from ..simulation.stepping import Stepping
 from .schema import ContactSection, MeshSection, Scenario, value_of
 
@@ -125,6 +126,7 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         gravity=s.gravity.vector,
         gravity_rise=s.gravity.rise,
     )
+    resolve_sides(OpenLoop(activation_of(s)), model)
     step_min = min(Stepping.step_min, s.time.largest) if s.time.step_min is None else s.time.step_min
     steps = {"step_max": s.time.largest, "step_min": step_min, "output_every": s.output.every, "fields": s.output.fields}
     return Simulation(

@@ -46,8 +46,8 @@ class Loop:
         Times in s that steps must end on.
     writer : RunWriter
         Takes the results.
-    identity : mapping
-        Of the problem, for checkpoints.
+    identity : callable
+        Of a time in s: fingerprint of each part of the problem up to there, for checkpoints.
     where : str
         Where the results are, for messages.
     report, after_step : callable, optional
@@ -63,7 +63,7 @@ class Loop:
         t_end: float,
         kinks: list[float],
         writer: RunWriter,
-        identity: Mapping[str, str],
+        identity: Callable[[float], Mapping[str, str]],
         where: str,
         report: Report | None,
         after_step: Callable[[Snapshot], object] | None,
@@ -194,7 +194,7 @@ class Loop:
             "steps": {"step": self._steps.step, "largest": self._steps.largest},
             "levels": dict(self._now.levels),
         }
-        self._writer.write_checkpoint(self._identity, numbers, arrays, progress)
+        self._writer.write_checkpoint(self._identity(state.t), numbers, arrays, progress)
 
     def _finish(self, status: str) -> None:
         self._checkpoint()

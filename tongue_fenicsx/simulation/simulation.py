@@ -120,7 +120,7 @@ class Simulation:
             raise InputError("resume: a run goes on from its folder; give output.")
         model, comm = self.model, self.model.tongue.comm
         control = _control(activation or {})
-        sides = _resolve_sides(control, model)
+        sides = resolve_sides(control, model)
         store = Memory() if output is None else Folder(Path(output))
         if isinstance(store, Folder):
             on_rank_zero(comm, lambda: check_outputs(store.path, RUN_FILES))
@@ -132,7 +132,11 @@ class Simulation:
 
         kinks = [*model.kinks, *control.kinks]
         writer = RunWriter(store, engine.weak.V, self.probes.rest)
-        identity = self._identify(control, t_end)
+        parts = self.model.fingerprint() | self._fingerprint()
+
+        def identity(t: float) -> dict[str, str]:
+            return parts | {"activation": fingerprint(control, t)}
+
         loop = Loop(engine, model, self.stepping, levels, t_end, kinks, writer, identity, str(output or "memory"), report, after_step)
         with ExitStack() as stack:
             log = None
@@ -163,10 +167,10 @@ class Simulation:
             self._engine = Engine(self.model, muscles, self.probes, self.stepping, self.tolerances)
         return self._engine
 
-    def _identify(self, control: Control, t_end: float) -> dict[str, str]:
-        """Fingerprint of each part of what makes the motion, but not of where it is written or when it ends."""
-        parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest, "activation": control}
-        return self.model.fingerprint() | {name: fingerprint(value, t_end) for name, value in parts.items()}
+    def _fingerprint(self) -> dict[str, str]:
+        """Of what makes the motion beside the model and the activation, but not of where it is written or when it ends."""
+        parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest}
+        return {name: fingerprint(value) for name, value in parts.items()}
 
 
 def _control(activation: Activation) -> Control:
@@ -183,8 +187,14 @@ def _control(activation: Activation) -> Control:
     return OpenLoop({key: course if isinstance(course, Course) else FunctionOfTime(course) for key, course in activation.items()})
 
 
-def _resolve_sides(control: Control, model: Model) -> dict[str, list[str]]:
-    """The muscles of the mesh that each name of a control stands for."""
+def resolve_sides(control: Control, model: Model) -> dict[str, list[str]]:
+    """The muscles of a model's mesh that each name of a control stands for.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no such muscle, or one is named twice.
+    """
     found: dict[str, list[str]] = {}
     for key in control.muscles:
         found[key] = resolve(key, model.tongue.muscles, f"activation.{key}")
