@@ -7,7 +7,6 @@ first use, so that ``tongue check`` and ``tongue doctor`` answer at once and wit
 
 import os as _os
 from importlib import import_module as _import_module
-from importlib.metadata import version as _version
 from importlib.util import find_spec as _find_spec
 
 import lazy_loader as _lazy
@@ -20,8 +19,6 @@ if _find_spec("dolfinx_solver") is not None:
 
     _wheel.import_on_demand()
 
-__version__ = _version("tongue_fenicsx")
-
 _load, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 
 _ABOVE = {"Anatomy": "meshing", "parametric_tongue": "meshing", "read_subject": "meshing"}
@@ -29,6 +26,10 @@ _ABOVE = {"Anatomy": "meshing", "parametric_tongue": "meshing", "read_subject": 
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("tongue_fenicsx")
     if name in _ABOVE:
         _import_module(f".{_ABOVE[name]}", __name__)
     return _load(name)

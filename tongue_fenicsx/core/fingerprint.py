@@ -8,7 +8,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,8 @@ from .errors import InputError
 def describe(value: Any, t_end: float = 0.0) -> Any:
     """A value in plain numbers, texts, lists and dictionaries.
 
-    A dataclass is its type and those of its fields that count in a comparison, so that a new field cannot be forgotten; a function
-    is its code and what it holds, any other object what it has. A value that is made of something else states it as its
-    `fingerprint`, and what goes on in time as its `description` until `t_end` (s).
+    A dataclass is its type and those of its fields that count in a comparison, so that a new field cannot be forgotten; a value that
+    is made of something else states it as its `fingerprint`, and what goes on in time as its `description` until `t_end` (s).
 
     Raises
     ------
@@ -49,6 +47,7 @@ def describe(value: Any, t_end: float = 0.0) -> Any:
         return [kind, describe(value.fingerprint, t_end)]
     if is_dataclass(value) and not isinstance(value, type):
         return [kind, {item.name: describe(getattr(value, item.name), t_end) for item in fields(value) if item.compare}]
+<<<<<<< HEAD
     if isinstance(value, FunctionType):
         inner = [cell.cell_contents for cell in value.__closure__ or ()]
         return [kind, _code(value.__code__), describe([value.__defaults__, inner], t_end)]
@@ -63,6 +62,11 @@ def _code(code: CodeType) -> list[Any]:
     return [code.co_code.hex(), list(code.co_names), inner]
 
 
+=======
+    raise InputError(f"{kind} has no fingerprint; a dataclass, or a property `fingerprint`, is expected.")
+
+
+>>>>>>> values
 def fingerprint(value: Any, t_end: float = 0.0) -> str:
     """Hash of what `describe` says of a value."""
     return hashlib.sha256(json.dumps(describe(value, t_end), sort_keys=True).encode()).hexdigest()

@@ -92,12 +92,12 @@ class TongueMesh:
         Name to point (3,) in m in the rest shape.
     bones : dict
         Name to the surface of a bone or wall around it, for contact.
+    digest : str
+        Hash of the files that it was read from.
     name : str
         What the tongue is called.
     volumes : dict
         Name of each physical volume to its local cells, ghosts too; where muscles overlap, names are joined by ``+``.
-    digest : str
-        Hash of the files that it was read from.
     """
 
     mesh: dmesh.Mesh
@@ -175,7 +175,11 @@ class TongueMesh:
             cells = np.flatnonzero(touched[row]).astype(np.int32)
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
+<<<<<<< HEAD
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry, muscle.get("direction_error"))
+=======
+            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
+>>>>>>> values
         return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, digest=read)
 
     def region(self, name: str) -> Ints:
