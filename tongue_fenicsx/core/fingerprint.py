@@ -47,26 +47,9 @@ def describe(value: Any, t_end: float = 0.0) -> Any:
         return [kind, describe(value.fingerprint, t_end)]
     if is_dataclass(value) and not isinstance(value, type):
         return [kind, {item.name: describe(getattr(value, item.name), t_end) for item in fields(value) if item.compare}]
-<<<<<<< HEAD
-    if isinstance(value, FunctionType):
-        inner = [cell.cell_contents for cell in value.__closure__ or ()]
-        return [kind, _code(value.__code__), describe([value.__defaults__, inner], t_end)]
-    if hasattr(value, "__dict__") and not isinstance(value, type):
-        return [kind, describe(vars(value), t_end)]
     raise InputError(f"{kind} has no fingerprint; a dataclass, or a property `fingerprint`, is expected.")
 
 
-def _code(code: CodeType) -> list[Any]:
-    """What a function does, wherever it stands."""
-    inner = [_code(part) if isinstance(part, CodeType) else repr(part) for part in code.co_consts]
-    return [code.co_code.hex(), list(code.co_names), inner]
-
-
-=======
-    raise InputError(f"{kind} has no fingerprint; a dataclass, or a property `fingerprint`, is expected.")
-
-
->>>>>>> values
 def fingerprint(value: Any, t_end: float = 0.0) -> str:
     """Hash of what `describe` says of a value."""
     return hashlib.sha256(json.dumps(describe(value, t_end), sort_keys=True).encode()).hexdigest()

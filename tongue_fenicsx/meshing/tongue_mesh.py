@@ -175,11 +175,7 @@ class TongueMesh:
             cells = np.flatnonzero(touched[row]).astype(np.int32)
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
-<<<<<<< HEAD
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry, muscle.get("direction_error"))
-=======
-            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
->>>>>>> values
         return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, digest=read)
 
     def region(self, name: str) -> Ints:
