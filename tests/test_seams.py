@@ -11,11 +11,14 @@ import h5py
 import numpy as np
 import pytest
 import ufl
+from conftest import write_block
 from scipy.optimize import brentq
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.types import Expr, Floats
 from tongue_fenicsx.mechanics.kinematics import Kinematics
+from tongue_fenicsx.scenario.build import simulation_of
+from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.simulation import quantities
 from tongue_fenicsx.simulation.snapshot import Snapshot
 from tongue_fenicsx.simulation.summary import Ending
@@ -215,3 +218,25 @@ def test_one_registration_each(block: tf.TongueMesh, tmp_path: Path) -> None:
     finally:
         for table, name in added.items():
             getattr(quantities, table).pop(name, None)
+
+
+def test_regions_and_loads_of_a_scenario(tmp_path: Path) -> None:
+    """Tables of a scenario: laws by physical volume, a pressure on a tagged surface; bad ones are one sentence."""
+    write_block(tmp_path / "block.msh", (0.02, 0.01, 0.01), (4, 2, 2))
+    path = tmp_path / "block.toml"
+    path.write_text(
+        '[mesh]\nfile = "block.msh"\n[boundary]\nfixed = ["left"]\n[time]\nend = 0.01\n'
+        '[region.passive]\nlaw = "neo_hookean"\nc10 = 800.0\nnu = 0.45\n[load.right.pressure]\npieces = [[0.01, 0.0, 50.0]]\n'
+    )
+    model = simulation_of(load(path), tmp_path).model
+    assert model.regions == {"passive": tf.NeoHookean(800.0, 0.45)}
+    assert model.loads == {"right": tf.Pressure([(0.01, 0.0, 50.0)])}
+    for change, sentence in (
+        ('region.passive.law="jelly"', "region.passive.law: 'jelly'; one of yeoh"),
+        ("region.passive.c20=1.0", "c20 is no number of the law neo_hookean"),
+        ("load.right.pressure.pieces=[[0.0, 0.0, 1.0]]", "load.right.pressure.pieces"),
+        ("load.top.pressure.pieces=[[1.0, 0.0, 1.0]]", "no surface 'top'"),
+        ("region.fat={law='neo_hookean', c10=1.0}", "no volume 'fat'"),
+    ):
+        with pytest.raises(tf.InputError, match=sentence):
+            simulation_of(load(path, [change]), tmp_path)

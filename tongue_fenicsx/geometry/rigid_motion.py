@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.pieces import ends
 from ..core.types import Floats
 from ..core.values import Direction, Duration, Number, Point, checked
 
@@ -64,7 +65,7 @@ class RigidMotion:
     @property
     def kinks(self) -> list[float]:
         """Times in s at which a piece ends."""
-        return [t for pieces in (self.angle, self.translation) for t in np.cumsum([piece[0] for piece in pieces]).tolist()]
+        return [*ends(self.angle), *ends(self.translation)]
 
 
 def _reached(pieces: Sequence[tuple[float, Any, Any]], t: float, rest: Any) -> Any:

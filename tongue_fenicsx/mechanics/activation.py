@@ -13,6 +13,7 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 import numpy as np
 
 from ..core.errors import InputError, reading
+from ..core.pieces import ends, follow
 from ..core.types import Floats
 from ..core.values import Duration, Real, Share, checked
 
@@ -59,16 +60,12 @@ class Activation:
 
     def __call__(self, t: float) -> float:
         """Level at time `t` (s)."""
-        for duration, start, target in self.pieces:
-            if t <= duration:
-                return float(start + (target - start) * max(t, 0.0) / duration)
-            t -= duration
-        return float(self.pieces[-1][2])
+        return follow(self.pieces, t)
 
     @property
     def kinks(self) -> list[float]:
         """Times in s at which a piece ends."""
-        return np.cumsum([piece[0] for piece in self.pieces]).tolist()
+        return ends(self.pieces)
 
     def description(self, t_end: float) -> list[Any]:
         """The pieces."""

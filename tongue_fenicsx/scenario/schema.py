@@ -20,9 +20,12 @@ from ..geometry.rigid_motion import RigidMotion
 from ..mechanics.activation import Activation, Excited, Pieces
 from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
-from ..mechanics.hyperelasticity import LAWS
+from ..mechanics.hyperelasticity import LAWS, Passive
+from ..mechanics.loads import LOADS, Pressure
 from ..mechanics.suspension import Suspension
 from ..mechanics.tissue import TISSUES, Density, MassDamping, PeakStress, Rayleigh, StiffnessDamping, Tissue
+from ..simulation import fields as _standard_fields  # noqa: F401  they register themselves
+from ..simulation.quantities import FIELDS
 from ..simulation.stepping import Interval, Stepping
 from ..solvers.tolerances import Tolerances
 
@@ -54,6 +57,28 @@ def with_keys[T: Section](**known: Any) -> Callable[[type[T]], type[T]]:
 def value_of[T](kind: type[T], section: object, **others: Any) -> T:
     """A value with those of its fields that a section has as keys."""
     return kind(**{name: getattr(section, name) for name in keys(kind) if name not in others}, **others)
+
+
+def make_law(name: str, section: object, other: Passive | None = None) -> Passive:
+    """The passive law of a name with the numbers that a section has as keys, else those that it shares with another law.
+
+    Raises
+    ------
+    ValueError
+        If the section has a number of another law, or one is missing.
+    """
+    kind: Any = LAWS[name]
+    known = keys(kind)
+    given = {key: value for law in LAWS.values() for key in keys(law) if (value := getattr(section, key)) is not None}
+    for key in given:
+        if key not in known:
+            raise ValueError(f"{key} is no number of the law {name}; it has {', '.join(known)}")
+    numbers = {key: getattr(other, key) for key in known if hasattr(other, key)} | given
+    missing = [item.name for item in fields(kind) if item.default is MISSING and item.name not in numbers]
+    if missing:
+        raise ValueError(f"the law {name} needs {', '.join(missing)}")
+    made: Passive = kind(**numbers)
+    return made
 
 
 class MeshSection(Section):
@@ -90,25 +115,17 @@ class TissueSection(Section):
 
     @model_validator(mode="after")
     def _of_the_law(self) -> TissueSection:
-        known = keys(LAWS[self.law])
-        for name in (name for law in LAWS.values() for name in keys(law) if name not in known):
-            if getattr(self, name) is not None:
-                raise ValueError(f"{name} is no number of the law {self.law}; it has {', '.join(known)}")
         self.tissue()
         return self
 
     def tissue(self, peak_stress: Mapping[str, float] | None = None) -> Tissue:
         """The tissue: the preset with the section's values in place, and these peak stresses (Pa)."""
-        preset, kind = TISSUES[self.preset], LAWS[self.law]
-        shared = {name: getattr(preset.law, name) for name in keys(kind) if hasattr(preset.law, name)}
-        given = {name: value for name in keys(kind) if (value := getattr(self, name)) is not None}
-        missing = [item.name for item in fields(kind) if item.default is MISSING and item.name not in shared | given]
-        if missing:
-            raise ValueError(f"the law {self.law} needs {', '.join(missing)}")
+        preset = TISSUES[self.preset]
+        law = make_law(self.law, self, preset.law)
         alpha, beta = self.rayleigh_alpha, self.rayleigh_beta
         damping = Rayleigh(preset.damping.alpha if alpha is None else alpha, preset.damping.beta if beta is None else beta)
         density = preset.density if self.density is None else self.density
-        return Tissue(kind(**(shared | given)), density, damping, {**preset.peak_stress, **(peak_stress or {})}, preset.source)
+        return Tissue(law, density, damping, {**preset.peak_stress, **(peak_stress or {})}, preset.source)
 
 
 @dataclass(frozen=True)
@@ -116,6 +133,39 @@ class MuscleSection(Contraction):
     """The active law; ``sigma_max`` (Pa, by muscle) replaces values of the tissue's table."""
 
     sigma_max: Mapping[str, PeakStress] = field(default_factory=dict)
+
+
+@with_keys(**{name: (hint | None, None) for law in LAWS.values() for name, hint in hints(law).items()})
+class RegionSection(Section):
+    """The passive law of a physical volume of the mesh, with all its numbers."""
+
+    law: Annotated[str, OneOf(names=LAWS)]
+
+    @model_validator(mode="after")
+    def _whole(self) -> RegionSection:
+        self.passive()
+        return self
+
+    def passive(self) -> Passive:
+        """The law."""
+        return make_law(self.law, self)
+
+
+@with_keys(**{name: (kind | None, None) for name, kind in LOADS.items()})
+class LoadSection(Section):
+    """A load on the tagged surface of the table's name."""
+
+    @model_validator(mode="after")
+    def _one_load(self) -> LoadSection:
+        if sum(getattr(self, name) is not None for name in LOADS) != 1:
+            raise ValueError(f"one of {', '.join(LOADS)} is expected")
+        return self
+
+    @property
+    def load(self) -> Pressure:
+        """The load."""
+        given: list[Pressure] = [value for name in LOADS if (value := getattr(self, name)) is not None]
+        return given[0]
 
 
 class BoundarySection(Section):
@@ -195,7 +245,7 @@ class OutputSection(Section):
     """Time in s between stored fields, and which beside the usual ones."""
 
     every: Interval = Stepping.output_every
-    fields: list[str] = []
+    fields: list[Annotated[str, OneOf(names=FIELDS)]] = []
 
 
 class ActivationSection(Section):
@@ -232,6 +282,8 @@ class Scenario(Section):
     boundary: BoundarySection = Field(default_factory=lambda: BoundarySection.model_validate({}))
     gravity: GravitySection = GravitySection()
     contact: dict[str, ContactSection] = {}
+    load: dict[str, LoadSection] = {}
+    region: dict[str, RegionSection] = {}
     time: TimeSection
     output: OutputSection = OutputSection()
     solver: Tolerances = Tolerances()

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Iterator
 
 from ..testing import Row
-from . import calculix, contact, material, motion, muscle
+from . import calculix, contact, heart, material, motion, muscle
 
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "laws": material.laws,
@@ -22,6 +22,7 @@ CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "hertz": contact.hertz,
     "incline": contact.incline,
     "triangles": contact.triangles,
+    "land": heart.land,
     "calculix": calculix.calculix,
 }
 """The cases by name; each yields rows."""

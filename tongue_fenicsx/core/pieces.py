@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: MIT
+"""Courses in time as pieces of (duration in s, start, target); the last target holds for ever."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
+
+Piece = tuple[float, Any, Any]
+
+
+def follow(pieces: Sequence[Piece], t: float) -> float:
+    """The value at time `t` (s), straight within each piece."""
+    for duration, start, target in pieces:
+        if t <= duration:
+            return float(start + (target - start) * max(t, 0.0) / duration)
+        t -= duration
+    return float(pieces[-1][2])
+
+
+def ends(pieces: Sequence[Piece]) -> list[float]:
+    """Times in s at which a piece ends."""
+    return list(accumulate(float(piece[0]) for piece in pieces))
