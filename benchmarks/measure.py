@@ -17,7 +17,7 @@ import numpy as np
 from petsc4py import PETSc
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.anatomy.parametric.size import PRESETS as ELEMENTS
+from tongue_fenicsx.anatomy.parametric.size import PRESETS as SIZES
 from tongue_fenicsx.forms import jit
 from tongue_fenicsx.forms.weak_form import WeakForm
 from tongue_fenicsx.meshing import build as meshing
@@ -45,7 +45,7 @@ def mesh(preset: str | float, folder: Path) -> Path:
     path = folder / f"tongue_{preset}.msh"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        meshing.build(tf.parametric_tongue(), path, ELEMENTS[preset] if isinstance(preset, str) else preset)
+        meshing.build(tf.parametric_tongue(), path, SIZES[preset] if isinstance(preset, str) else preset)
     return path
 
 

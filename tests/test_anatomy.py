@@ -6,6 +6,8 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import gmsh
@@ -18,7 +20,8 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.anatomy.anatomy import gaps, measure
 from tongue_fenicsx.anatomy.catalogue import CATALOGUE, PEAK_STRESS
 from tongue_fenicsx.anatomy.comparison import compare
-from tongue_fenicsx.anatomy.parametric.size import TongueShape
+from tongue_fenicsx.anatomy.parametric.size import PRESETS, TongueShape
+from tongue_fenicsx.geometry.tetrahedron import volumes
 from tongue_fenicsx.meshing import build as meshing
 from tongue_fenicsx.plotting import anatomy_figures as portraits
 
@@ -249,7 +252,7 @@ def test_reads_back_the_same(tongue: tf.TongueMesh, tongue_file: Path) -> None:
     assert tongue.mesh.topology.index_map(3).size_global == figures["n_cells"]
     assert set(tongue.surfaces) == {"free", "mandible", "hyoid"}
     corners = tongue.mesh.geometry.x[tongue.mesh.geometry.dofmaps[0][:owned]]
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    volume = abs(volumes(corners))
     assert comm.allreduce(volume.sum()) == pytest.approx(figures["volume_m3"], rel=1e-9)
     for name, muscle in tongue.muscles.items():
         mine = muscle.cells < owned
@@ -312,7 +315,7 @@ def test_subject_is_repaired_and_measured(scratch: Path) -> None:
 
 def test_reference_mesh(parametric: tf.Anatomy, scratch: Path) -> None:
     """The reference preset is at least as large as the chapter's mesh, and of good quality."""
-    figures = meshing.build(parametric, scratch / "reference.msh", 2.32e-3)
+    figures = meshing.build(parametric, scratch / "reference.msh", PRESETS["reference"])
     assert figures["n_nodes"] >= 58_526
     assert figures["n_cells"] >= 40_102
     assert figures["min_sicn"] >= 0.2
@@ -447,3 +450,17 @@ def test_inside_out_surface_is_turned(scratch: Path) -> None:
     anatomy = tf.read_subject(folder)
     assert anatomy.surface.volume > 0
     assert any("the normals pointed inward and were turned" in note for note in anatomy.notes)
+
+
+def test_names_cost_no_libraries() -> None:
+    """What a scenario needs to be checked is imported without the libraries that draw, mesh and repair."""
+    code = """if True:
+        import sys
+        from tongue_fenicsx.anatomy.parametric.size import SPLITTABLE, TongueShape
+        from tongue_fenicsx.geometry.rigid_motion import RigidMotion
+        from tongue_fenicsx.geometry.surface import SUFFIXES
+        from tongue_fenicsx.anatomy.parametric.size import PRESETS
+        print(sorted({"dolfinx", "gmsh", "h5py", "matplotlib", "pymeshfix", "pyvista", "scipy"} & set(sys.modules)))
+    """
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

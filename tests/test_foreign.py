@@ -9,9 +9,12 @@ from pathlib import Path
 import gmsh
 import numpy as np
 import pytest
+from conftest import opened
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.parallel import on_rank_zero
+from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.geometry.tetrahedron import volumes
 
 from mpi4py import MPI  # isort: skip
 
@@ -52,7 +55,7 @@ def write_bar(path: Path, volumes: dict[str, list[int]], data: dict[str, str] | 
 
 def _volume(tongue: tf.TongueMesh, name: str) -> float:
     corners = tongue.mesh.geometry.x[tongue.mesh.geometry.dofmaps[0]]
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    volume = abs(volumes(corners))
     muscle = tongue.muscles[name]
     mine = muscle.cells < tongue.mesh.topology.index_map(3).size_local
     return float(tongue.comm.allreduce(float((muscle.weight.mean(axis=1) * volume[muscle.cells])[mine].sum())))
@@ -96,6 +99,33 @@ def test_cell_data(scratch: Path) -> None:
         np.testing.assert_allclose(
             tongue.muscles[name].direction, np.broadcast_to(np.array(direction, float), tongue.muscles[name].direction.shape)
         )
+
+
+@pytest.mark.parametrize("wobble", [0.0, 0.3])
+def test_vectors_have_no_sense(scratch: Path, wobble: float) -> None:
+    """Turning vectors of cells round at random, parallel or noisy, changes no direction at quadrature points; the error is known."""
+    rng = np.random.default_rng(1)
+    fields = []
+    for turned in (False, True):
+        path = scratch / f"{turned}.msh"
+        write_bar(path, {"tissue": [0, 1, 2]})
+        with opened(path):
+            tags = gmsh.model.mesh.getElementsByType(4)[0]
+            vectors = [1.0, 0.0, 0.0] + wobble * np.random.default_rng(0).normal(size=(len(tags), 3))
+            if turned:
+                vectors *= rng.choice([-1.0, 1.0], len(tags))[:, None]
+            gmsh.option.setNumber("PostProcessing.SaveMesh", 0)
+            view = gmsh.view.add("GGP")
+            gmsh.view.addModelData(view, 0, gmsh.model.getCurrent(), "ElementData", tags, vectors.tolist())
+            gmsh.view.write(view, str(path), append=True)
+        tongue = tf.TongueMesh.read(path)
+        error = tongue.muscles["GGP"].direction_error
+        assert error is not None
+        assert (error > 5) == (wobble > 0)
+        fields.append((WeakForm(tf.Model(tongue, fixed=["mandible"]), ["GGP"]).slots.directions[0].x.array.reshape(-1, 3), error))
+    (given, error), (turned_round, same) = fields
+    assert same == pytest.approx(error, abs=1e-5)
+    np.testing.assert_allclose(abs((given * turned_round).sum(axis=1)), 1, atol=1e-12)
 
 
 def test_names_without_fibres_are_tissue(scratch: Path) -> None:

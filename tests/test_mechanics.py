@@ -20,6 +20,7 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.forms import jit, quadrature
 from tongue_fenicsx.forms.fibre_slots import tendon_factor
 from tongue_fenicsx.forms.weak_form import WeakForm
+from tongue_fenicsx.mechanics.contraction import FORCE_VELOCITY
 from tongue_fenicsx.mechanics.hyperelasticity import bulk_modulus
 from tongue_fenicsx.meshing.tongue_mesh import MuscleEntry
 from tongue_fenicsx.testing import homogeneous, stress_at, with_fibres
@@ -299,6 +300,14 @@ def test_passive_fibres(block: tf.TongueMesh, stretch: float, tension: float) ->
     assert without.slots.names == []
 
 
+def test_passive_fibres_of_an_idle_muscle_from_outside(block: tf.TongueMesh) -> None:
+    """With passive fibres a muscle from outside that is not activated is in the equations too, and its outer part rests."""
+    weak = weak_form(with_entry(block), [], sigma_max={"GGP": 3e3}, contraction=tf.Contraction("none", passive_fibres=True))
+    weak.set_time(0.0, {"MH": 1.0})
+    forces = assembled(fem.form(sum(weak.outer_work(weak.u, 0 * weak.u, ufl.TestFunction(weak.V)))))
+    assert not forces.any()
+
+
 def test_plain_fibre_stress(block: tf.TongueMesh) -> None:
     """Without the isochoric split the fibre stress is uniaxial, T f_L(λ) F a₀ ⊗ a₀/λ with the plain stretch."""
     contraction = tf.Contraction("none", tendon_length=0.0, deviatoric=False)
@@ -337,3 +346,18 @@ def test_quadrature_is_positive_and_exact(degree: int) -> None:
 def test_bulk_modulus() -> None:
     """The chapter's κ: 19.2 kPa for its tissue."""
     assert bulk_modulus(tf.Tissue.calka().law) == pytest.approx(19.2e3)
+
+
+@pytest.mark.parametrize("law", ["grenoble", "hill"])
+def test_force_velocity_has_no_corner(law: str) -> None:
+    """Where the factor reaches 0 its slope changes gradually, and from 0.03 on it is the published curve."""
+    rates = np.linspace(-9.0, -2.0, 701)
+    factor = np.array([FORCE_VELOCITY[law](ufl.as_ufl(float(rate)))(()) for rate in rates])
+    bend = np.diff(factor, 2) / np.diff(rates)[0] ** 2
+    assert factor.min() == 0
+    assert abs(bend).max() < 1  # a corner has 2.7 (hill) or 16 (grenoble) at this spacing
+    assert abs(np.diff(bend)).max() < 0.3
+    if law == "hill":
+        v = rates / 7.5
+        curve = (1 + v) / (1 - 4 * v)
+        np.testing.assert_allclose(factor[curve > 0.03], curve[curve > 0.03], atol=1e-15)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.types import Floats
+from ..geometry.polyline import arc_length
 from ..runs.run import Run
 from .electropalatogram import PALATES
 from .tongue_grid import cut, grids, outline, section
@@ -83,7 +84,7 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
         raise InputError(f"{run}: has no contact with a wall of the airway; one called {', '.join(WALLS)} is expected.")
     rest = section(grids(run, 0)[0])
     wall, part = _wall(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
-    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(wall, axis=0), axis=1))]
+    along = arc_length(wall)
     outputs = range(len(run.output_times)) if outputs is None else outputs
     distance = [nearest(wall, outline(section(grids(run, index)[1]))) for index in outputs]
     return Airway(run.output_times[list(outputs)], wall, part, along, np.array(distance))

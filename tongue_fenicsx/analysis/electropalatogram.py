@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.types import Floats
+from ..geometry.polyline import arc_length
 from ..geometry.surface import Surface
 from .tongue_grid import grids, skin
 
@@ -99,7 +100,7 @@ def electrodes(palate: Surface) -> Floats:
 
 def _arc(a: Floats, b: Floats) -> Floats:
     """Share of the length of a curve up to each of its points, (n,)."""
-    length = np.r_[0.0, np.cumsum(np.hypot(np.diff(a), np.diff(b)))]
+    length = arc_length(np.column_stack([a, b]))
     return np.asarray(length / length[-1])
 
 

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyvista as pv
 
 from ..core.types import Bools, Floats
 from ..geometry.fibre_bundle import FibreBundle
+from ..geometry.polyline import arc_length
 from ..geometry.surface import Surface
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 TIP_DIRECTION = np.array([-np.cos(np.radians(20)), 0.0, np.sin(np.radians(20))])
 
@@ -122,12 +125,12 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     rear = contour[contour[:, 0] > dorsum[0]]
     root = rear[np.argmin(abs(rear[:, 2] - (dorsum[2] + low) / 2))]
     ring = np.roll(contour, -start, axis=0)
-    step = np.linalg.norm(np.diff(ring, axis=0), axis=1)
+    along = arc_length(ring)
     over = (top - start) % len(ring)
-    if step[:over].sum() > step.sum() / 2:  # walk over the dorsum, not along the underside
+    if along[over] > along[-1] / 2:  # walk over the dorsum, not along the underside
         ring = np.roll(ring[::-1], 1, axis=0)
     stop = int(np.argmax((ring[:, 0] > dorsum[0]) & (ring[:, 2] < genial_spine[2] - 3e-3)))
-    arc = float(np.linalg.norm(np.diff(ring[: stop + 1], axis=0), axis=1).sum())
+    arc = float(arc_length(ring[: stop + 1])[-1])
     x, z = contour[:, 0], contour[:, 2]
     area = float(abs(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1))) / 2)
     oral = surface.points[surface.points[:, 2] > genial_spine[2] + 17e-3]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.types import Floats
+from ..geometry.fibre_direction import angle_between
 from .anatomy import Anatomy, measure
 
 
@@ -97,8 +98,7 @@ def compare(anatomy: Anatomy, reference: Anatomy, spacing: float = 1.25e-3) -> d
         points, tangents, weights = other.fibres.segments
         inside = anatomy.surface.contains(alignment.forward(points)) & reference.surface.contains(points, 1e-3)
         ends = alignment.forward(points[inside] + 1e-4 * tangents[inside]) - alignment.forward(points[inside] - 1e-4 * tangents[inside])
-        cosine = (mine.fibres.direction(alignment.forward(points[inside])) * ends).sum(axis=1) / np.linalg.norm(ends, axis=1)
-        angle = np.degrees(np.arccos(np.clip(abs(cosine), 0, 1)))
+        angle = angle_between(mine.fibres.direction(alignment.forward(points[inside])), ends)
         found[name] = Agreement(
             dice=float(2 * overlap / (region.sum() + measured.sum())),
             angle=float(np.average(angle, weights=weights[inside])),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..core.types import Expr, Floats
+from ..geometry.fibre_direction import common_sense
 from ..mechanics.contraction import Contraction
 from ..mechanics.model import Model
 from ..meshing.tongue_mesh import MuscleCells, TongueMesh
@@ -106,7 +107,7 @@ class FibreSlots:
         for function in (*self.tendons, *self.passives):
             function.x.array[:] = 0.0
         for index, (name, muscle) in enumerate(muscles.items()):
-            direction = np.einsum("qv,cvd->cqd", vertex, muscle.direction)
+            direction = np.einsum("qv,cvd->cqd", vertex, common_sense(muscle.direction))
             direction /= np.linalg.norm(direction, axis=2, keepdims=True)
             at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0][muscle.cells]])
             share = muscle.weight @ vertex.T
@@ -191,7 +192,7 @@ class OuterPull:
         self._share.x.array[self._share.function_space.dofmap.list] = at_node[mesh.geometry.dofmaps[0]]
 
     def activate(self, levels: Mapping[str, float]) -> None:
-        """Set the activation, 0…1."""
+        """Set the activation, 0…1, from those of all muscles; without its own it rests."""
         self._level.value = self.peak_stress * levels.get(self.name, 0.0)
 
     def work(self, law: Contraction, u: Expr, v: Expr, frozen: Expr, w: Expr) -> Expr:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..anatomy.catalogue import peak_stress
 from ..core.types import Expr, Floats
+from ..geometry.tetrahedron import volumes
 from ..mechanics.hyperelasticity import bulk_modulus
 from ..mechanics.kinematics import Kinematics
 from ..mechanics.model import Model
@@ -321,5 +322,5 @@ def _typical_edge(mesh: dmesh.Mesh) -> float:
     """Edge in m of the regular tetrahedron that has the mean volume of the cells."""
     owned = mesh.topology.index_map(3)
     corners = mesh.geometry.x[mesh.geometry.dofmaps[0][: owned.size_local]]
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
+    volume = abs(volumes(corners)).sum()
     return float((6 * np.sqrt(2) * mesh.comm.allreduce(float(volume)) / owned.size_global) ** (1 / 3))

@@ -5,20 +5,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..core.types import Bools, Floats
+from .fibre_direction import dyads, main_axis
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 class FibreBundle:
-    """The fibres of one muscle as polylines that all run the same way.
+    """The fibres of one muscle as polylines, in the built-in tongue each from its origin to its insertion; nothing here asks for the sense.
 
     Parameters
     ----------
     lines : sequence of (n, 3) float arrays
-        Polylines in m, each from its origin to its insertion.
+        Polylines in m.
     smoothing : float
         Standard deviation in m of the Gaussian that averages directions of neighbouring fibres.
     spacing : float
@@ -44,6 +48,8 @@ class FibreBundle:
 
     @cached_property
     def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
         return cKDTree(self.segments[0])
 
     def within(self, points: Floats, radius: float) -> Bools:
@@ -58,11 +64,12 @@ class FibreBundle:
         return np.asarray(self._tree.query(points)[0])
 
     def direction(self, points: Floats) -> Floats:
-        """Unit fibre direction at each point, (n, 3): the Gaussian mean of the tangents nearby."""
+        """Unit fibre direction at each point, (n, 3): the main axis of the dyads of the tangents nearby, in Gaussian mean.
+
+        Its sense is that of the nearest fibre.
+        """
         samples, tangents, _ = self.segments
         k = min(48, len(samples))
         distance, index = self._tree.query(points, k=np.arange(1, k + 1))
         weight = np.exp(-(distance**2 - distance[:, :1] ** 2) / (2 * self.smoothing**2))
-        mean = np.einsum("nk,nkd->nd", weight, tangents[index])
-        norm = np.linalg.norm(mean, axis=1, keepdims=True)
-        return np.asarray(np.where(norm > 1e-6, mean / np.maximum(norm, 1e-6), tangents[index[:, 0]]))
+        return main_axis(np.einsum("nk,nkij->nij", weight, dyads(tangents)[index]), tangents[index[:, 0]])

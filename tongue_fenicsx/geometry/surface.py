@@ -169,6 +169,8 @@ def closed(surface: Surface, source: Path) -> tuple[Surface, str | None]:
         )
     note = None
     if np.any(sharing > 2):
+        import pymeshfix
+
         before, n_before = abs(surface.volume), len(surface.points)
         with quiet():
             vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))

@@ -51,14 +51,26 @@ def _toe_and_line(stretch: Expr, exponent: float, end: float) -> Expr:
     return ufl.conditional(ufl.lt(stretch, 1.0), 0.0, curve + line)
 
 
+CLIP = 0.03
+"""Force–velocity factor below which it bends away from its curve, to reach 0 at −CLIP; the bend is C²."""
+
+
+def _clipped(factor: Expr) -> Expr:
+    """The factor where it is above `CLIP`, 0 where it is below −CLIP, and (f + w)³(3w − f)/(16 w³) between, which joins both to the
+    second derivative: Newton's method cycles about a corner when fibres are let go from rest at once."""
+    bounded = ufl.max_value(-CLIP, ufl.min_value(factor, CLIP))
+    bend = (bounded + CLIP) ** 3 * (3 * CLIP - bounded) / (16 * CLIP**3)
+    return bend + ufl.max_value(factor - CLIP, 0.0)
+
+
 def _grenoble(rate: Expr) -> Expr:
-    return ufl.max_value(0.0, 0.7109 + 0.712 * ufl.atan(0.43 + 0.4444 * rate) + 0.0329 * rate)
+    return _clipped(0.7109 + 0.712 * ufl.atan(0.43 + 0.4444 * rate) + 0.0329 * rate)
 
 
 def _hill(rate: Expr) -> Expr:
     v_max, curvature, plateau = 7.5, 0.25, 1.5
     v = rate / v_max
-    shortening = ufl.max_value(0.0, (1 + v) / (1 - ufl.min_value(v, 0.0) / curvature))
+    shortening = _clipped((1 + v) / (1 - ufl.min_value(v, 0.0) / curvature))
     k = (1 + 1 / curvature) / (plateau - 1) * ufl.max_value(v, 0.0)
     return ufl.conditional(ufl.lt(v, 0.0), shortening, (1 + plateau * k) / (1 + k))
 

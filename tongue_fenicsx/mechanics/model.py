@@ -123,7 +123,8 @@ class Model:
     def _grid(self) -> Floats:
         """Points (1000, 3) in m all over the box around the mesh, the same on all ranks."""
         x, comm = self.tongue.mesh.geometry.x, self.tongue.comm
-        low, high = comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN), comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
+        low = comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN)
+        high = comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
         shares = np.stack(np.meshgrid(*3 * [np.linspace(0, 1, 10)]), axis=-1).reshape(-1, 3)
         return np.asarray(low + shares * (high - low))
 

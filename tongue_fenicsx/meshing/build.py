@@ -32,7 +32,9 @@ from ..anatomy import catalogue as muscle_facts
 from ..anatomy.anatomy import Anatomy, Muscle, gaps, measure
 from ..core.errors import InputError, check_outputs
 from ..core.types import Floats
+from ..geometry import tetrahedron
 from ..geometry.fibre_bundle import FibreBundle
+from ..geometry.fibre_direction import angle_between, common_sense
 from ..geometry.surface import Surface
 
 Ints = NDArray[np.int64]
@@ -75,8 +77,7 @@ class Tetrahedra:
     @property
     def volumes(self) -> Floats:
         """Volume of each cell, (m,), in m³."""
-        a, b, c, d = (self.points[self.cells[:, i]] for i in range(4))
-        return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6)
+        return tetrahedron.volumes(self.points[self.cells])
 
     @property
     def n_quadratic_nodes(self) -> int:
@@ -235,9 +236,8 @@ class _Locator:
         a, b, c, d = (self.mesh.points[corners[:, i]] for i in range(4))
         bary = np.linalg.solve(np.stack([b - a, c - a, d - a], axis=2), (points[inside] - a)[..., None])[..., 0]
         weights = np.column_stack([1 - bary.sum(axis=1), bary])
-        mean = np.einsum("nv,nvd->nd", weights, field.direction[np.searchsorted(field.nodes, corners)])
-        cosine = abs((mean * tangents[inside]).sum(axis=1)) / np.linalg.norm(mean, axis=1)
-        return float(np.average(np.degrees(np.arccos(np.clip(cosine, 0, 1))), weights=lengths[inside]))
+        mean = np.einsum("nv,nvd->nd", weights, common_sense(field.direction[np.searchsorted(field.nodes, corners)]))
+        return float(np.average(angle_between(mean, tangents[inside]), weights=lengths[inside]))
 
 
 def tetrahedralise(anatomy: Anatomy, size: float) -> Tetrahedra:

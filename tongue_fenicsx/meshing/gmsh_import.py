@@ -24,6 +24,8 @@ from ..anatomy.catalogue import CATALOGUE, base_name
 from ..core.errors import InputError, reading
 from ..core.types import Floats
 from ..geometry.fibre_bundle import FibreBundle
+from ..geometry.fibre_direction import angle_between, common_sense, dyads, main_axis
+from ..geometry.tetrahedron import volumes
 from .build import lump
 
 Direction = Callable[[Floats], Floats]
@@ -79,18 +81,27 @@ def muscles_of_model(path: Path) -> dict[str, Any] | None:
             raise InputError(f"{path}: no physical volume or cell data {name!r}, but {path.stem}.fibres.json has its fibres.")
     for name, vector in vectors.items():
         shares.setdefault(name, (np.linalg.norm(vector, axis=1) > 0).astype(float))
-    muscles = {}
+    muscles: dict[str, dict[str, Any]] = {}
     for name, share in shares.items():
         if name not in rules and name not in vectors:
             raise InputError(f"{path}: muscle {name!r} has no fibres; give them in {path.stem}.fibres.json as {FIBRES}.")
         own = np.flatnonzero(share > 0)
         if len(own) == 0:
             raise InputError(f"{path}: muscle {name!r} has an empty region.")
-        corners = points[cells[own]]
-        volumes = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
-        used, weight = lump(cells[own], np.repeat((share[own] * volumes / 4)[:, None], 4, axis=1), volumes)
-        at_nodes = rules[name](points[used]) if name in rules else _nodal(vectors[name][own], cells[own], used, name, path)
-        muscles[name] = {"cells": own, "nodes": used, "weight": weight, "direction": at_nodes}
+        volume = abs(volumes(points[cells[own]]))
+        used, weight = lump(cells[own], np.repeat((share[own] * volume / 4)[:, None], 4, axis=1), volume)
+        muscles[name] = {"cells": own, "nodes": used, "weight": weight}
+        if name in rules:
+            muscles[name]["direction"] = rules[name](points[used])
+        else:
+            given, local = vectors[name][own], np.searchsorted(used, cells[own])
+            if not given.any(axis=1).all():
+                raise InputError(
+                    f"{path}: the cell data {name!r} has vectors of length zero in the muscle; a direction is expected in each cell."
+                )
+            muscles[name]["direction"] = at_nodes = _nodal(given, local, len(used))
+            field = common_sense(at_nodes[local]).mean(axis=1)
+            muscles[name]["direction_error"] = float(np.average(angle_between(field, given), weights=share[own] * volume))
     return {"name": path.stem, "cells": cells, "muscles": muscles, "landmarks": {}, "bones": {}}
 
 
@@ -152,11 +163,9 @@ def _unit(vectors: Floats) -> Floats:
     return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), [1.0, 0.0, 0.0])
 
 
-def _nodal(vectors: Floats, cells: np.ndarray, nodes: np.ndarray, name: str, path: Path) -> Floats:
-    """Unit directions at nodes from vectors of cells around them."""
-    unit = _unit(vectors)
-    mean = np.zeros((len(nodes), 3))
-    np.add.at(mean, np.searchsorted(nodes, cells), unit[:, None])
-    if np.linalg.norm(mean, axis=1).min() < 1e-3:
-        raise InputError(f"{path}: neighbouring vectors of the cell data {name!r} cancel; give them all the same sense along the fibres.")
-    return _unit(mean)
+def _nodal(vectors: Floats, local: np.ndarray, n_nodes: int) -> Floats:
+    """Unit directions at nodes (n, 3), of either sense: the mean axis of the vectors (k, 3) of the cells (k, 4) around each."""
+    total, one = np.zeros((n_nodes, 3, 3)), np.zeros((n_nodes, 3))
+    np.add.at(total, local, dyads(_unit(vectors))[:, None])
+    one[local] = vectors[:, None]
+    return main_axis(total, one)

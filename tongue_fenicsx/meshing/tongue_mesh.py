@@ -60,15 +60,18 @@ class MuscleCells:
     weight : (k, 4) float array
         Its share at the vertices of each cell, 0…1.
     direction : (k, 4, 3) float array
-        Unit fibre direction there.
+        Unit fibre direction there; its sense means nothing.
     entry : MuscleEntry, optional
         For a muscle that comes from outside.
+    direction_error : float, optional
+        Mean angle in degrees between the directions and the cell vectors that they were made of.
     """
 
     cells: Ints
     weight: Floats
     direction: Floats
     entry: MuscleEntry | None = None
+    direction_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -172,7 +175,7 @@ class TongueMesh:
             cells = np.flatnonzero(touched[row]).astype(np.int32)
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
-            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry)
+            muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry, muscle.get("direction_error"))
         return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, digest=read)
 
     def region(self, name: str) -> Ints:

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from ..anatomy.anatomy import Anatomy, Muscle
 from ..anatomy.catalogue import CATALOGUE, base_name
 from ..core.types import Floats
+from ..geometry.polyline import arc_length
 from .canvas import open_plotter
 
 COLOURS = {
@@ -145,7 +146,7 @@ def _tubes(anatomy: Anatomy, lines: list[Floats], radius: float) -> pv.PolyData:
 
 
 def _resample(line: Floats) -> Floats:
-    s = np.r_[0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+    s = arc_length(line)
     at = np.linspace(0, s[-1], max(2, int(s[-1] / 1e-3)))
     return np.column_stack([np.interp(at, s, line[:, i]) for i in range(3)])
 

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from ..analysis.electropalatogram import ELECTRODES
 from ..analysis.tongue_grid import cut, grids, outline, section, skin
 from ..analysis.trajectories import SLOW, motion
+from ..anatomy.catalogue import base_name
 from .canvas import open_plotter, save_both
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ def _time(run: Run, index: int) -> float:
 
 
 def _title(run: Run) -> str:
-    muscles = sorted({name.split("_")[0] for name in run.summary.get("model", {}).get("sigma_max", {})})
+    muscles = sorted({base_name(name) for name in run.summary.get("model", {}).get("sigma_max", {})})
     return f"{run.summary.get('name', run.folder.name)}: {', '.join(muscles) or 'no active muscle'}"
 
 

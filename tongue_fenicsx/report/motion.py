@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
+from ..geometry.tetrahedron import volumes
 from ..runs.run import Run
 
 FINE = 20_000
@@ -103,8 +104,7 @@ def _obstacle(run: Run, name: str, surface: Surface, outputs: Ints) -> dict[str,
 def strain(run: Run) -> tuple[Floats, Floats, Floats]:
     """Times in s and the mean and 99th percentile of the von Mises Hencky strain of the cells by volume at the outputs, (n,) each."""
     points, cells = run.mesh
-    a, b, c, d = (points[cells[:, i]] for i in range(4))
-    volume = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+    volume = volumes(points[cells[:, :4]])
     times = run.output_times
     fields = [run.field("hencky_von_mises", index) for index in range(len(times))]
     mean = [np.average(field, weights=volume) for field in fields]

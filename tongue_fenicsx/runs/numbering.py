@@ -7,6 +7,7 @@ import numpy as np
 from dolfinx import fem
 
 from ..core.types import Floats, Ints
+from ..geometry.tetrahedron import volumes
 
 VTK_ORDER = [0, 1, 2, 3, 9, 6, 8, 7, 5, 4]
 """Basix's ten nodes of a quadratic tetrahedron in the order of VTK and XDMF."""
@@ -43,8 +44,7 @@ class Numbering:
             self.points = np.empty_like(coordinates)
             self.points[number] = coordinates
             cells = number[of_cell][:, VTK_ORDER]
-            a, b, c, d = (self.points[cells[:, i]] for i in range(4))
-            inverted = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
+            inverted = volumes(self.points[cells[:, :4]]) < 0
             cells[inverted] = cells[inverted][:, [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]]
             self._cell_order = np.lexsort(np.sort(cells[:, :4], axis=1).T[::-1])
             self.cells = cells[self._cell_order]

@@ -112,7 +112,7 @@ class RunWriter:
         on_rank_zero(self._comm, write)
 
     def read_checkpoint(self, identity: Callable[[float], Mapping[str, str]]) -> Checkpoint:
-        """Go on from the checkpoint of this store, if it is of the problem that `identity` tells for its time; its arrays are local and flat.
+        """Go on from the checkpoint of this store, if it is of the problem that `identity` tells for its time; arrays are local and flat.
 
         Raises
         ------

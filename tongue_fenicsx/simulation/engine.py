@@ -84,11 +84,16 @@ class Engine:
         return Snapshot(self._sensors, dict.fromkeys(self.weak.slots.names, 0.0))
 
     def start(self, levels: Mapping[str, float]) -> Snapshot:
-        """Begin at rest at t = 0 with muscles at `levels`."""
+        """Begin at rest at t = 0 with muscles at `levels`.
+
+        The acceleration to begin with is that of muscles at rest: one that jumps at t = 0 acts from the first step on. (With the jump in
+        it, a light tissue would be thrown farther in the first step than any Newton iteration comes back from.)
+        """
         self.equations.restore(self._rest)
-        self.equations.at(0.0, levels)
+        self.equations.at(0.0, {})
         if not self._quasi_static:
             set_initial_acceleration(self.equations, self._tolerances.atol)
+        self.equations.at(0.0, levels)
         return self._begin(levels, None)
 
     def resume(self, state: State, levels: Mapping[str, float], balance: Balance) -> Snapshot:

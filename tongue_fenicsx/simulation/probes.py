@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import basix.ufl
 import numpy as np
 from dolfinx import fem, geometry
 
@@ -36,7 +37,8 @@ class Probes:
         self.rest: dict[str, Floats] = {}
         mesh = tongue.mesh
         tree = geometry.bb_tree(mesh, 3, entities=np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
-        self._owned: list[tuple[int, int, Floats]] = []
+        self._owned: list[tuple[int, int, Floats]] = []  # of each probe in a cell of this rank: its row, the cell, its shape functions
+        quadratic = basix.ufl.element("P", "tetrahedron", 2)
         for index, (name, where) in enumerate(points.items()):
             if isinstance(where, str):
                 if where not in tongue.landmarks:
@@ -52,18 +54,13 @@ class Probes:
             if min(nearest) > 1e-3:
                 raise InputError(f"probes.{name}: the point lies {1e3 * min(nearest):.1f} mm outside the tongue; at most 1 mm is accepted.")
             if int(np.argmin(nearest)) == mesh.comm.rank:
-                self._owned.append((index, cell, reference))
+                self._owned.append((index, cell, quadratic.tabulate(0, reference[None])[0][0]))
 
     def values(self, u: fem.Function) -> Floats:
         """Value of a quadratic vector function at the probes, (n_probe, 3), on every rank."""
         V = u.function_space
         table = np.zeros((len(self.names), 3))
-        for index, cell, (x, y, z) in self._owned:
-            corner = np.array([1 - x - y - z, x, y, z])
-            shape = np.empty(10)
-            shape[:4] = corner * (2 * corner - 1)
-            for node, (i, j) in enumerate([(2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1)], start=4):
-                shape[node] = 4 * corner[i] * corner[j]
+        for index, cell, shape in self._owned:
             table[index] = shape @ u.x.array.reshape(-1, 3)[V.dofmap.cell_dofs(cell)]
         total = np.zeros_like(table)
         V.mesh.comm.Allreduce(table, total)

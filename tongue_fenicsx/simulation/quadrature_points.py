@@ -12,6 +12,7 @@ from dolfinx import fem
 from ..core.types import Expr, Floats
 from ..forms import quadrature
 from ..forms.weak_form import WeakForm
+from ..geometry.tetrahedron import volumes
 
 
 class QuadraturePoints:
@@ -38,7 +39,7 @@ class QuadraturePoints:
         self._points, weights = quadrature.points_and_weights(weak.model.quadrature_degree)
         self._cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
         corners = mesh.geometry.x[mesh.geometry.dofmaps[0][self._cells]]
-        self.weights = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))[:, None] * weights
+        self.weights = 6 * abs(volumes(corners))[:, None] * weights
         self.places = np.einsum("qv,cvd->cqd", np.column_stack([1 - self._points.sum(axis=1), self._points]), corners)
         self.volume = self.integrate(np.ones_like(self.weights))
         self._expressions: dict[str, fem.Expression] = {}

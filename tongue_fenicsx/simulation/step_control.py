@@ -40,8 +40,11 @@ class StepControl:
         self.step, self.largest = step or stepping.step_max, largest
         self._excess = 0.0
         every = stepping.output_every
-        times = [*(every * i for i in range(1, int(t_end / every) + 1)), t_end, *kinks]
-        self._milestones = sorted({round(time, 12) for time in times if 0 < time <= t_end})
+        self._milestones = [0.0]
+        outputs = {round(time, 12) for time in (*(every * i for i in range(1, int(t_end / every) + 1)), t_end)}
+        for time in sorted(outputs | {round(time, 12) for time in kinks if 0 < time <= t_end}):
+            if time in outputs or time - self._milestones[-1] > stepping.step_min:  # a jump takes place within one step
+                self._milestones.append(time)
 
     def next_time(self, t: float) -> tuple[float, float]:
         """The end of the step from `t`, and the milestone that it leads to, in s."""

@@ -18,6 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from ...core.types import Floats
+from ...geometry.polyline import arc_length
 from ...geometry.surface import Surface
 
 if TYPE_CHECKING:
@@ -163,7 +164,7 @@ def _mandible() -> Field:
 
 def _rounded(curve: Floats) -> Floats:
     """A smooth curve through plan points, even where it turns across the mid-line."""
-    s = np.r_[0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))]
+    s = arc_length(curve)
     return np.asarray(PchipInterpolator(s, curve)(np.linspace(0, s[-1], 80)))
 
 

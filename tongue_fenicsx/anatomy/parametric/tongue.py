@@ -18,6 +18,7 @@ from scipy.interpolate import make_interp_spline
 from ...core.errors import InputError
 from ...core.types import Bools, Floats
 from ...geometry.fibre_bundle import FibreBundle
+from ...geometry.polyline import arc_length
 from ...geometry.surface import LABEL, Surface
 from ..anatomy import Anatomy, Muscle
 from ..catalogue import pcsa
@@ -92,7 +93,7 @@ STYLOID = np.array([73.5, 36.0, 52.0])
 def _smooth(points: object, n: int = 24) -> Floats:
     """A curve through a few points."""
     through = np.asarray(points, dtype=float)
-    s = np.r_[0, np.cumsum(np.linalg.norm(np.diff(through, axis=0), axis=1))]
+    s = arc_length(through)
     curve: Floats = make_interp_spline(s, through, k=min(2, len(through) - 1))(np.linspace(0, s[-1], n))
     return curve
 
