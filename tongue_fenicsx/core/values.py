@@ -294,6 +294,7 @@ def keys(kind: Any) -> list[str]:
     return [item.name for item in fields(kind)]
 
 
+@cache
 def hints(kind: Any) -> dict[str, Any]:
     """Type of each key of a table."""
     if isinstance(kind, type) and (issubclass(kind, BaseModel) or is_dataclass(kind)):
