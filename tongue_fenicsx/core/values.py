@@ -12,7 +12,7 @@ import numbers
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, partial
 from types import UnionType
 from typing import Annotated, Any, Union, cast, get_args, get_origin, get_type_hints
 
@@ -189,7 +189,7 @@ def checked[T](where: str) -> Callable[[type[T]], type[T]]:
                 except ValidationError as error:
                     raise InputError(explain(error, type(self), [where, name])) from error
                 except ValueError as error:
-                    raise InputError(f"{where}.{name}: {error}.") from error
+                    raise InputError(f"{where}.{name}{'.' if isinstance(error, _Within) else ': '}{error}.") from error
                 object.__setattr__(self, name, tuple(value) if isinstance(value, list) else value)
             if whole is not None:
                 whole(self)
@@ -217,12 +217,37 @@ def _says(hint: Any) -> bool:
 
 
 def _check(hint: Any) -> Callable[[Any], Any]:
-    """What holds a value to a type: its own word where that is all, which takes less time, else pydantic."""
+    """What holds a value to a type; pydantic where sequences and choices are nested, which takes it longer to prepare."""
     simple = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Accepts)), None)
     if simple is not None:
         return simple.check
-    inner = next((arm for arm in get_args(hint) if isinstance(arm, type) and arm is not type(None)), hint)
-    return TypeAdapter(hint, config=None if is_dataclass(inner) else ConfigDict(arbitrary_types_allowed=True)).validate_python
+    if isinstance(hint, type):
+        return partial(_instance, hint)
+    if get_origin(hint) is Mapping:
+        return partial(_mapping, _check(get_args(hint)[1]))
+    return TypeAdapter(hint, config=ConfigDict(arbitrary_types_allowed=True)).validate_python
+
+
+def _instance(kind: type, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise ValueError(f"{type(value).__name__} is given, {kind.__name__} is expected")
+    return value
+
+
+def _mapping(check: Callable[[Any], Any], value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{type(value).__name__} is given, a mapping of names is expected")
+    checked = {}
+    for name, part in value.items():
+        try:
+            checked[name] = check(part)
+        except ValueError as error:
+            raise _Within(f"{name}{'.' if isinstance(error, _Within) else ': '}{error}") from error
+    return checked
+
+
+class _Within(ValueError):
+    """The fault is in a part, which the sentence begins with."""
 
 
 def explain(error: ValidationError, root: Any, where: Sequence[Any] = ()) -> str:
@@ -269,6 +294,7 @@ def keys(kind: Any) -> list[str]:
     return [item.name for item in fields(kind)]
 
 
+@cache
 def hints(kind: Any) -> dict[str, Any]:
     """Type of each key of a table."""
     if isinstance(kind, type) and (issubclass(kind, BaseModel) or is_dataclass(kind)):

@@ -114,7 +114,7 @@ class Sphere:
         return (self.radius - d, -n, -H) if self.inside else (d - self.radius, n, H)
 
 
-OBSTACLES: dict[str, type[Any]] = {"plane": Plane, "sphere": Sphere}
+OBSTACLES: dict[str, Any] = {"plane": Plane, "sphere": Sphere}
 """Obstacles that are made of a few numbers, by the name that a scenario gives."""
 
 

@@ -143,7 +143,7 @@ class MooneyRivlin:
         return parameters["c10"] * (k.I1 - 3) + parameters["c01"] * (k.I2 - 3)
 
 
-LAWS: dict[str, type[Any]] = {
+LAWS: dict[str, Any] = {
     "yeoh": Yeoh,
     "neo_hookean": NeoHookean,
     "mooney_rivlin": MooneyRivlin,

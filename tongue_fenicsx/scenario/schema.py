@@ -36,7 +36,7 @@ POSTURES = {"upright": (0.0, 0.0, -9.81), "supine": (9.81, 0.0, 0.0)}
 class Section(BaseModel):
     """A table of the scenario; unknown keys are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
 
 
 def keys_of(kind: type, *without: str) -> dict[str, Any]:
@@ -280,12 +280,12 @@ class Scenario(Section):
     tissue: TissueSection = Field(default_factory=TissueSection)
     muscles: MuscleSection = MuscleSection()
     boundary: BoundarySection = Field(default_factory=lambda: BoundarySection.model_validate({}))
-    gravity: GravitySection = GravitySection()
+    gravity: GravitySection = Field(default_factory=GravitySection)
     contact: dict[str, ContactSection] = {}
     load: dict[str, LoadSection] = {}
     region: dict[str, RegionSection] = {}
     time: TimeSection
-    output: OutputSection = OutputSection()
+    output: OutputSection = Field(default_factory=OutputSection)
     solver: Tolerances = Tolerances()
     activation: dict[str, ActivationSection] = {}
     excitation: ExcitationSection | None = None
