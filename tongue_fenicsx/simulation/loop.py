@@ -13,6 +13,7 @@ from mpi4py import MPI
 from ..core.errors import SolveError
 from ..core.interruption import interruptible
 from ..mechanics.model import Model
+from ..runs.checkpoint import Checkpoint
 from ..runs.writer import RunWriter
 from ..solvers.newton import Outcome
 from ..solvers.time_integration import State
@@ -83,9 +84,8 @@ class Loop:
         self._output()
         self._set_clock(clock)
 
-    def resume(self, clock: float) -> None:
-        """Go on from the checkpoint."""
-        saved = self._writer.read_checkpoint(self._identity)
+    def resume(self, saved: Checkpoint, clock: float) -> None:
+        """Go on from a checkpoint."""
         numbers = dict(saved.numbers)
         state = State(**{**{name: numbers.pop(name) for name in NUMBERS}, **saved.arrays} | {"gammas": tuple(saved.numbers["gammas"])})
         balance, self._totals = Balance(**saved.progress["balance"]), Totals(**saved.progress["totals"])

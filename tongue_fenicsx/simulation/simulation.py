@@ -138,6 +138,7 @@ class Simulation:
             return parts | {"activation": fingerprint(control, t)}
 
         loop = Loop(engine, model, self.stepping, levels, t_end, kinks, writer, identity, str(output or "memory"), report, after_step)
+        saved = writer.read_checkpoint(identity) if resume else None
         with ExitStack() as stack:
             log = None
             if isinstance(store, Folder) and comm.rank == 0:
@@ -152,10 +153,10 @@ class Simulation:
 
             engine.log = say
             say(f"{model.tongue.name}: {engine.n_unknowns} unknowns on {comm.size} rank(s)")
-            if resume:
-                loop.resume(clock)
-            else:
+            if saved is None:
                 loop.begin(clock)
+            else:
+                loop.resume(saved, clock)
             loop.go()
         comm.barrier()
         return Run(store.path) if isinstance(store, Folder) else Run(Memory(comm.bcast(store.files)))
