@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +17,10 @@ import pyvista as pv
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.parallel import on_rank_zero
+from tongue_fenicsx.geometry.obstacles import Sphere
+from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.simulation.strain import hencky_von_mises, weighted_percentile
+from tongue_fenicsx.testing import with_fibres
 
 from mpi4py import MPI  # isort: skip
 
@@ -178,3 +184,48 @@ def test_folder_that_cannot_be_written(tongue: tf.TongueMesh, scratch: Path) -> 
     on_rank_zero(tongue.comm, lambda: (scratch / "file").write_text(""))
     with pytest.raises(tf.InputError, match="cannot be written"):
         simulate(tongue, scratch / "file")
+
+
+@pytest.mark.parallel
+def test_resume_knows_the_problem(block: tf.TongueMesh, scratch: Path) -> None:
+    """Probes, fibres and the sphere's side are of the problem: each is named where it differs, also of a mesh that came from no file."""
+    ball = Sphere((0.01, 0.005, -0.03), 0.02)
+    model = tf.Model(
+        with_fibres(block), replace(tf.Tissue.calka(), peak_stress={"GGP": 1e3}), fixed=["left"], contacts={"ball": Contact(ball)}
+    )
+    end = {"end": (0.02, 0.005, 0.005)}
+    tf.Simulation(model, end).run({"GGP": tf.ramp(0.1, 0.1)}, 0.01, scratch)
+    turned = replace(model, tongue=with_fibres(block, (1.0, 1.0, 0.0)))
+    others = {
+        "tongue": tf.Simulation(turned, end),
+        "probes": tf.Simulation(model, {"end": (0.02, 0.004, 0.005)}),
+        "contacts": tf.Simulation(replace(model, contacts={"ball": Contact(Sphere((0.01, 0.005, -0.03), 0.0201))}), end),
+    }
+    for part, simulation in others.items():
+        with pytest.raises(tf.InputError, match=f"differs in {part};"):
+            simulation.run({"GGP": tf.ramp(0.1, 0.1)}, 0.02, scratch, resume=True)
+    with pytest.raises(tf.InputError, match="differs in activation;"):
+        tf.Simulation(model, end).run({"GGP": tf.ramp(0.2, 0.1)}, 0.02, scratch, resume=True)
+    run = tf.Simulation(model, end).run({"GGP": tf.ramp(0.1, 0.1)}, 0.02, scratch, resume=True)
+    assert run.time[-1] == 0.02
+
+
+def test_resume_on_another_number_of_ranks(tongue_file: Path, tmp_path: Path) -> None:
+    """A run of one rank goes on on two, to what one rank alone gives."""
+    scenario = tmp_path / "run.toml"
+    scenario.write_text(
+        f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.02\n[solver]\nrtol = 1e-9\nlinear = 1e-8\n[activation.GGP]\npieces = [[0.02, 0.0, 0.5]]\n'
+    )
+    tongue = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o"]
+    mpiexec = [str(Path(sys.executable).with_name("mpiexec")), "-n", "2"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PMI", "MPI", "HYDRA"))}
+
+    def call(*command: str) -> None:
+        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300, env=environment)
+        assert done.returncode == 0, done.stderr
+
+    call(*tongue, str(tmp_path / "whole"))
+    call(*tongue, str(tmp_path / "parts"), "--set", "time.end=0.01")
+    call(*mpiexec, *tongue, str(tmp_path / "parts"), "--resume")
+    whole, parts = (tf.Run(tmp_path / name).probes["root"] for name in ("whole", "parts"))
+    assert abs(parts - whole).max() < 1e-7 * abs(whole).max()

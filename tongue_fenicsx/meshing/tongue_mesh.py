@@ -6,6 +6,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..anatomy.anatomy import Anatomy
 from ..core.errors import InputError, reading
-from ..core.fingerprint import digest
+from ..core.fingerprint import digest, fingerprint
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
 from ..geometry.surface import Surface
@@ -110,10 +111,30 @@ class TongueMesh:
     volumes: dict[str, Ints] = field(default_factory=dict)
     digest: str = ""
 
-    @property
+    @cached_property
     def fingerprint(self) -> str:
-        """What makes the mesh: the files, where there are any."""
-        return self.digest
+        """What makes the mesh: the files, or where there are none cells, surfaces and muscles; to be asked for by all ranks at once."""
+        if self.digest:
+            return self.digest
+        mesh, owned = self.mesh, self.mesh.topology.index_map(3).size_local
+        nodes, numbers = mesh.geometry.dofmaps[0], mesh.geometry.input_global_indices
+        mesh.topology.create_connectivity(2, 3)
+
+        def table(cells: Ints, values: Floats) -> Floats:
+            """Numbers of the vertices of each cell, and values (n_cells, 4, …) there, in their order."""
+            order = np.argsort(numbers[nodes[cells]], axis=1)
+            sorted_values = np.take_along_axis(values.reshape(len(cells), 4, -1), order[..., None], axis=1)
+            return np.column_stack([np.sort(numbers[nodes[cells]], axis=1), sorted_values.reshape(len(cells), -1)])
+
+        tables = {"cells": table(np.arange(owned, dtype=np.int32), mesh.geometry.x[nodes[:owned]])}
+        for name, muscle in self.muscles.items():
+            mine = muscle.cells < owned
+            tables[f"muscle {name}"] = table(muscle.cells[mine], np.dstack([muscle.weight, muscle.direction])[mine])
+        for name in self.surfaces:
+            tables[f"surface {name}"] = np.sort(numbers[dmesh.entities_to_geometry(mesh, 2, self.facets([name]))], axis=1)
+        gathered = {name: self.comm.gather(rows) for name, rows in tables.items()}
+        parts = {name: np.unique(np.concatenate(rows), axis=0) for name, rows in gathered.items() if rows is not None}
+        return str(self.comm.bcast(fingerprint(parts)))
 
     @property
     def comm(self) -> MPI.Intracomm:

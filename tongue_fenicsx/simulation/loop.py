@@ -48,7 +48,7 @@ class Loop:
     writer : RunWriter
         Takes the results.
     identity : callable
-        Of a time in s: fingerprint of each part of the problem up to there, for checkpoints.
+        Of a time in s: fingerprint of each part of the problem up to there, for checkpoints; None for none.
     where : str
         Where the results are, for messages.
     report, after_step : callable, optional
@@ -64,7 +64,7 @@ class Loop:
         t_end: float,
         kinks: list[float],
         writer: RunWriter,
-        identity: Callable[[float], Mapping[str, str]],
+        identity: Callable[[float], Mapping[str, str]] | None,
         where: str,
         report: Report | None,
         after_step: Callable[[Snapshot], object] | None,
@@ -185,6 +185,8 @@ class Loop:
         now = time.perf_counter()
         self._totals.wall_seconds += now - self._clock
         self._clock = now
+        if self._identity is None:
+            return
         state = self._engine.equations.state
         numbers = {name: getattr(state, name) for name in NUMBERS}
         arrays = {item.name: getattr(state, item.name) for item in fields(state) if item.name not in NUMBERS}

@@ -132,12 +132,24 @@ class Simulation:
 
         kinks = [*model.kinks, *control.kinks]
         writer = RunWriter(store, engine.weak.V, self.probes.rest)
-        parts = self.model.fingerprint() | self._fingerprint()
+        parts = self._fingerprint() if isinstance(store, Folder) else {}
 
         def identity(t: float) -> dict[str, str]:
             return parts | {"activation": fingerprint(control, t)}
 
-        loop = Loop(engine, model, self.stepping, levels, t_end, kinks, writer, identity, str(output or "memory"), report, after_step)
+        loop = Loop(
+            engine,
+            model,
+            self.stepping,
+            levels,
+            t_end,
+            kinks,
+            writer,
+            identity if parts else None,
+            str(output or "memory"),
+            report,
+            after_step,
+        )
         saved = writer.read_checkpoint(identity) if resume else None
         with ExitStack() as stack:
             log = None
@@ -169,9 +181,9 @@ class Simulation:
         return self._engine
 
     def _fingerprint(self) -> dict[str, str]:
-        """Of what makes the motion beside the model and the activation, but not of where it is written or when it ends."""
+        """Of what makes the motion beside the activation, but not of where it is written or when it ends."""
         parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest}
-        return {name: fingerprint(value) for name, value in parts.items()}
+        return self.model.fingerprint() | {name: fingerprint(value) for name, value in parts.items()}
 
 
 def _control(activation: Activation) -> Control:
