@@ -214,7 +214,8 @@ def test_resume_on_another_number_of_ranks(tongue_file: Path, tmp_path: Path) ->
     """A run of one rank goes on on two, to what one rank alone gives."""
     scenario = tmp_path / "run.toml"
     scenario.write_text(
-        f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.02\n[solver]\nrtol = 1e-9\nlinear = 1e-8\n[activation.GGP]\npieces = [[0.02, 0.0, 0.5]]\n'
+        f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.02\n[solver]\nrtol = 1e-9\nlinear = 1e-8\n'
+        "[activation.GGP]\npieces = [[0.02, 0.0, 0.5]]\n"
     )
     tongue = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o"]
     mpiexec = [str(Path(sys.executable).with_name("mpiexec")), "-n", "2"]
