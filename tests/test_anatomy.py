@@ -368,7 +368,7 @@ def _subject(folder: Path, axes: str, unit: float) -> None:
     def given(points: np.ndarray) -> np.ndarray:
         return np.column_stack([column[letter][1] * points[:, column[letter][0]] for letter in axes]) / unit
 
-    surface = anatomy.surface.moved(given).to_pyvista()
+    surface = anatomy.surface.transform(given).to_pyvista()
     surface.cast_to_unstructured_grid().save(folder / "tongue_surface.vtu")
     (folder / "fibres").mkdir()
     for name, muscle in anatomy.muscles.items():

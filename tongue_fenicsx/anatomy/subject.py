@@ -31,7 +31,7 @@ from scipy.spatial import cKDTree
 from ..core.errors import InputError, quiet, reading
 from ..core.types import Bools, Floats
 from ..geometry.fibre_bundle import FibreBundle
-from ..geometry.surface import SUFFIXES, Surface, closed, read_surface
+from ..geometry.surface import SUFFIXES, Surface, close_surface, read_surface
 from . import catalogue as muscle_facts
 from .anatomy import Anatomy, Muscle
 
@@ -101,7 +101,7 @@ class Frame:
 
     def surface(self, path: Path) -> Surface:
         """Read a surface of the folder."""
-        surface = read_surface(path).moved(self.metres)
+        surface = read_surface(path).transform(self.metres)
         if np.prod([AXES[letter][1] for letter in self.axes]) * _parity(self.axes) < 0:  # a mirrored frame turns normals
             surface = Surface(surface.points, surface.triangles[:, ::-1].copy())
         return surface
@@ -181,7 +181,7 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
     tongue = [p for p in surfaces if p.stem == "tongue_surface"]
     if not tongue:
         raise InputError(f"{folder}: no tongue_surface.stl (or {', '.join(SUFFIXES[1:])}) in this folder.")
-    surface, repair = closed(frame.surface(tongue[0]), tongue[0])
+    surface, repair = close_surface(frame.surface(tongue[0]), tongue[0])
     size = float(np.ptp(surface.points, axis=0).max())
     if not 0.03 < size < 0.3:
         raise InputError(
@@ -228,7 +228,7 @@ def _bond(surface: Surface, path: Path, cell_sets: CellSets | None, frame: Frame
             patches.append(given)
             bonded = abs(patch.signed_distance(surface.centroids)) < 5e-4
         else:
-            bonded = _spanned(surface, path, bone, given, cell_sets, frame)
+            bonded = _find_spanned(surface, path, bone, given, cell_sets, frame)
         if not bonded.any():
             raise InputError(f"{path}: {bone!r} spans no triangle of the surface; list all the nodes of the bonded patch.")
         labels[bonded] = bone
@@ -237,7 +237,7 @@ def _bond(surface: Surface, path: Path, cell_sets: CellSets | None, frame: Frame
     return Surface(surface.points, surface.triangles, labels), patches
 
 
-def _spanned(surface: Surface, path: Path, bone: str, given: Any, cell_sets: CellSets | None, frame: Frame) -> Bools:
+def _find_spanned(surface: Surface, path: Path, bone: str, given: Any, cell_sets: CellSets | None, frame: Frame) -> Bools:
     """The triangles whose corners are all attachment nodes of a bone."""
     with reading(path, f"{bone!r} as a list of node numbers or of [x, y, z]"):
         values = np.asarray(given)

@@ -139,7 +139,7 @@ class Moved:
     @property
     def surface(self) -> Surface:
         """Where its surface is now."""
-        return self.obstacle.surface.moved(lambda X: X @ self.rotation.T + self.offset)
+        return self.obstacle.surface.transform(lambda X: X @ self.rotation.T + self.offset)
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """See `Obstacle.evaluate`, at points in space."""
@@ -182,7 +182,7 @@ class Triangulated:
         low, high = surface.points.min(axis=0), surface.points.max(axis=0)
         shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
         self._origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
-        self._values = self._sample(_simplified(surface, spacing), shape)
+        self._values = self._sample(_simplify(surface, spacing), shape)
         from scipy import ndimage
 
         self._coefficients = ndimage.spline_filter(self._values, order=3)
@@ -225,7 +225,7 @@ class Triangulated:
         second = first[:, None] + first
         gap[within] = D[:, 0, 0, 0]
         gradient[within] = D[:, first[..., 0], first[..., 1], first[..., 2]]
-        hessian[within] = _blunted(D[:, second[..., 0], second[..., 1], second[..., 2]], 1 / (EDGE * self.spacing))
+        hessian[within] = _blunt(D[:, second[..., 0], second[..., 1], second[..., 2]], 1 / (EDGE * self.spacing))
         return gap, gradient, hessian
 
     def _derivatives(self, place: Floats) -> Floats:
@@ -243,13 +243,13 @@ class Triangulated:
         return np.asarray(weights[:, 0] @ D.reshape(-1, 4, 9)).reshape(-1, 3, 3, 3)
 
 
-def _blunted(hessian: Floats, limit: float) -> Floats:
+def _blunt(hessian: Floats, limit: float) -> Floats:
     """Hessians (n, 3, 3) in 1/m, convex by at most `limit`."""
     values, vectors = np.linalg.eigh(hessian)
     return np.asarray((vectors * np.minimum(values, limit)[:, None]) @ vectors.swapaxes(1, 2))
 
 
-def _simplified(surface: Surface, spacing: float) -> Surface:
+def _simplify(surface: Surface, spacing: float) -> Surface:
     """The surface with fewer triangles, where they are much finer than the grid (quadric decimation, Garland and Heckbert 1997)."""
     mesh = surface.to_pyvista()
     wanted = 4 * mesh.area / spacing**2

@@ -54,8 +54,8 @@ class RigidMotion:
         from scipy.spatial.transform import Rotation
 
         unit = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
-        turn = Rotation.from_rotvec(_reached(self.angle, t, 0.0) * unit, degrees=True).as_matrix()
-        return turn, self.centre - turn @ self.centre + _reached(self.translation, t, np.zeros(3))
+        turn = Rotation.from_rotvec(_follow_smoothly(self.angle, t, 0.0) * unit, degrees=True).as_matrix()
+        return turn, self.centre - turn @ self.centre + _follow_smoothly(self.translation, t, np.zeros(3))
 
     def displacement(self, points: Floats, t: float) -> Floats:
         """Displacement in m of points (n, 3) of the rest shape at time `t` (s)."""
@@ -68,7 +68,7 @@ class RigidMotion:
         return [*ends(self.angle), *ends(self.translation)]
 
 
-def _reached(pieces: Sequence[tuple[float, Any, Any]], t: float, rest: Any) -> Any:
+def _follow_smoothly(pieces: Sequence[tuple[float, Any, Any]], t: float, rest: Any) -> Any:
     """The value that pieces have reached at time `t`, `rest` without any."""
     value = rest
     for duration, start, target in pieces:

@@ -87,7 +87,7 @@ class Surface:
         edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         return np.unique(edges, axis=0, return_counts=True)[1].astype(np.int64)
 
-    def moved(self, mapping: Callable[[Floats], Floats]) -> Surface:
+    def transform(self, mapping: Callable[[Floats], Floats]) -> Surface:
         """The surface with every vertex mapped."""
         return Surface(mapping(self.points), self.triangles, self.labels)
 
@@ -143,7 +143,7 @@ def read_surface(path: Path) -> Surface:
     return Surface.from_pyvista(mesh)
 
 
-def closed(surface: Surface, source: Path) -> tuple[Surface, str | None]:
+def close_surface(surface: Surface, source: Path) -> tuple[Surface, str | None]:
     """Make a surface a closed, outward-oriented manifold, or say why it is not one.
 
     Edges shared by more than two triangles are repaired with pymeshfix; holes are not filled, because

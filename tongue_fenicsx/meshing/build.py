@@ -425,14 +425,14 @@ def _entry(muscle: Muscle, surface: Surface, mesh: Tetrahedra) -> Entry | None:
     return Entry(facets, value[np.searchsorted(nodes, facets)], muscle.anchor)
 
 
-def _ordered(names: set[str]) -> list[str]:
+def _order(names: set[str]) -> list[str]:
     order = list(muscle_facts.CATALOGUE)
     return sorted(names, key=lambda n: (order.index(b) if (b := muscle_facts.base_name(n)) in order else len(order), n))
 
 
 def _write_msh(mesh: Tetrahedra, fields: dict[str, MuscleField], path: Path) -> tuple[dict[str, NDArray[np.bool_]], float]:
     """Write the mesh; return which cells count to each muscle and the smallest SICN quality."""
-    names = _ordered(set(fields))
+    names = _order(set(fields))
     owned = {}
     for name in names:
         owned[name] = np.zeros(len(mesh.cells), dtype=bool)

@@ -160,7 +160,7 @@ class Run:
         """The surfaces of the obstacles where they are at the output `index`."""
 
         def place(surface: Surface, rotation: Floats, offset: Floats) -> Surface:
-            return surface.moved(lambda X: X @ rotation.T + offset)
+            return surface.transform(lambda X: X @ rotation.T + offset)
 
         return {name: place(surface, *self.pose(name, index)) for name, surface in self.obstacles_at_rest.items()}
 

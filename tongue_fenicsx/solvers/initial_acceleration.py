@@ -41,7 +41,7 @@ def _acceleration(equations: Equations, least: float) -> Floats:
     if bodies is not None:
         bodies.begin(np.zeros((len(found.x.array) // 3, 3)), x)
         bodies.place(x, found.x.array.reshape(-1, 3))
-        operator = bodies.reduced(M)
+        operator = bodies.reduce(M)
         bodies.residual(x)  # nil
         bodies.tangent(M, operator)
         bodies.residual(b)

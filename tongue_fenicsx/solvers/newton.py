@@ -71,7 +71,7 @@ class Newton:
             RigidBodies(V, fem.functionspace(V.mesh, ("P", 1, (3,))), weak.suspended_nodes, self._x) if weak.suspended_nodes else None
         )
         self._assemble()  # what derives from it takes over where it has entries
-        self._operator = self._A if self._bodies is None else self._bodies.reduced(self._A)
+        self._operator = self._A if self._bodies is None else self._bodies.reduce(self._A)
         self._options = SolverOptions()
         self._linear = LinearSolvers(weak, self._A, self._operator, self._bodies, self._options, tolerances.linear)
         snes = PETSc.SNES().create(V.mesh.comm)

@@ -48,7 +48,7 @@ class RigidBodies:
         for item in (self._transformation.matrix, self._forces):
             item.destroy()
 
-    def reduced(self, A: PETSc.Mat) -> PETSc.Mat:
+    def reduce(self, A: PETSc.Mat) -> PETSc.Mat:
         """A matrix for the reduced tangent, from the assembled tangent of all nodes."""
         reduced = A.ptap(self._transformation.matrix)
         reduced.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)

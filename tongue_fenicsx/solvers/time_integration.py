@@ -102,7 +102,7 @@ class GeneralizedAlpha(_Scheme):
         goes on with the jitter of a surface in contact.)
         """
         s = self.state
-        a = self._rescaled(h)
+        a = self._rescale(h)
         m, f, g, b = self.alpha_m, self.alpha_f, self.gamma, self.beta
         known = -s.u - h * s.v - h**2 * (0.5 - b) * a  # h² β a₁ = u₁ + known
         v_factor, a_factor = g / (h * b), (1 - m) / ((1 - f) * h**2 * b)
@@ -133,7 +133,7 @@ class GeneralizedAlpha(_Scheme):
     def accept(self, t: float, gammas: tuple[float, ...] = ()) -> None:
         """Make the solved displacement the new state, at time `t` (s)."""
         s, h = self.state, self._h
-        a = self._rescaled(h)
+        a = self._rescale(h)
         u = self.u.x.array.copy()
         acceleration = self._a_factor.value * u + self._a_part.x.array
         auxiliary = ((1 - self.alpha_f) * acceleration + self.alpha_f * s.acceleration - self.alpha_m * a) / (1 - self.alpha_m)
@@ -146,7 +146,7 @@ class GeneralizedAlpha(_Scheme):
         s, h = self.state, self.state.h
         return np.asarray(s.u - before.u - h * before.v - h**2 * (before.acceleration / 3 + s.acceleration / 6))
 
-    def _rescaled(self, h: float) -> Floats:
+    def _rescale(self, h: float) -> Floats:
         """The auxiliary acceleration for a step of another length: ü + (h′/h)(a − ü), which keeps the order at 2."""
         s = self.state
         if s.h == 0.0 or s.h == h:

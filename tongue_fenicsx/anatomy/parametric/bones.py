@@ -152,7 +152,7 @@ def _plan(curve: Floats, xy: Floats) -> Floats:
 
 
 def _mandible() -> Field:
-    plan = np.vstack([_rounded(MANDIBLE_OUTER), _rounded(MANDIBLE_INNER)])
+    plan = np.vstack([_round_off(MANDIBLE_OUTER), _round_off(MANDIBLE_INNER)])
     low, high = PchipInterpolator(*MANDIBLE_LOW.T), PchipInterpolator(*MANDIBLE_HIGH.T)
 
     def field(p: Floats) -> Floats:
@@ -162,14 +162,14 @@ def _mandible() -> Field:
     return field
 
 
-def _rounded(curve: Floats) -> Floats:
+def _round_off(curve: Floats) -> Floats:
     """A smooth curve through plan points, even where it turns across the mid-line."""
     s = arc_length(curve)
     return np.asarray(PchipInterpolator(s, curve)(np.linspace(0, s[-1], 80)))
 
 
 def _arch(curve: Floats, low: float, high: float) -> Field:
-    dense = _rounded(curve)
+    dense = _round_off(curve)
     tree = cKDTree(np.vstack([dense[:, :2], dense[:, :2] * (1, -1)]))
     thickness = np.tile(dense[:, 2], 2)
 
@@ -181,7 +181,7 @@ def _arch(curve: Floats, low: float, high: float) -> Field:
 
 
 def _hyoid(p: Floats) -> Floats:
-    dense = _rounded(HYOID)
+    dense = _round_off(HYOID)
     tree = cKDTree(np.vstack([dense[:, :3], dense[:, :3] * (1, -1, 1)]))
     distance, nearest = tree.query(p)
     return np.asarray(np.tile(dense[:, 3], 2)[nearest] - distance)

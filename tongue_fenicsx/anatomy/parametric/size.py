@@ -100,7 +100,7 @@ class TongueShape:
         placed = np.column_stack([np.interp(x, *self._along), y * self.width / BASE["width"], z * self.height / BASE["height"]])
         return np.asarray(self.scale * MM * placed)
 
-    def drawn(self, points: Floats) -> Floats:
+    def to_drawing(self, points: Floats) -> Floats:
         """Points (n, 3) of this tongue in m as points of the drawing in mm, the inverse of `place`."""
         x, y, z = points.T / (self.scale * MM)
         return np.column_stack([np.interp(x, *self._along[::-1]), y * BASE["width"] / self.width, z * BASE["height"] / self.height])

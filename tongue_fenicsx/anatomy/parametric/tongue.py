@@ -66,7 +66,7 @@ def parametric_tongue(shape: TongueShape | None = None, split: Collection[str] =
     if surface.volume < 0:
         surface = Surface(surface.points, triangles[:, ::-1].copy(), surface.labels)
     muscles = {muscle.name: muscle for muscle in _muscles(profile, shape, split)}
-    bones = {name: bone.moved(shape.place) for name, bone in parametric_bones(profile).items()}
+    bones = {name: bone.transform(shape.place) for name, bone in parametric_bones(profile).items()}
     return Anatomy("parametric tongue", surface, muscles, np.zeros(3), bones, mirrored=True)
 
 
@@ -273,7 +273,7 @@ def _muscles(profile: Profile, shape: TongueShape, split: Collection[str]) -> It
 
 def _one_side(shape: TongueShape, bundle: FibreBundle, others: list[FibreBundle], radius: float, sign: float, points: Floats) -> Bools:
     """Within `radius` of the fibres drawn on the right, mirrored by `sign`, and nearer to them than to `others`."""
-    drawn = shape.drawn(points) * (1, sign, 1)
+    drawn = shape.to_drawing(points) * (1, sign, 1)
     inside = bundle.within(drawn, radius) & (drawn[:, 1] > 0)
     for other in others:
         inside[inside] = bundle.distance(drawn[inside]) <= other.distance(drawn[inside])
@@ -281,7 +281,7 @@ def _one_side(shape: TongueShape, bundle: FibreBundle, others: list[FibreBundle]
 
 
 def _under_skin(shape: TongueShape, profile: Profile, bundle: FibreBundle, sign: float, points: Floats) -> Bools:
-    drawn = shape.drawn(points)
+    drawn = shape.to_drawing(points)
     near = bundle.within(drawn, 6.5) & (sign * drawn[:, 1] >= 0)
     near[near] = profile.level(drawn[near]) < 4.4
     return near
