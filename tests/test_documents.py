@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""What the documents, the demos and the benchmarks say is so: scenarios fit their meshes, code runs, commands are known."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import shlex
+import tomllib
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+import tongue_fenicsx as tf
+from tongue_fenicsx.cli.app import app, main
+from tongue_fenicsx.scenario.files import load
+
+HOUSE = Path(__file__).parents[1]
+DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("meshes/*.md")])
+SUBJECT_FILES = HOUSE / "demos" / "example_subject"
+SCENARIOS = sorted(path for room in ("demos", "benchmarks") for path in HOUSE.glob(f"{room}/**/*.toml") if path.parent != SUBJECT_FILES)
+COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
+
+BONES_OF_PB = ["contact.palate_hard.surface=palate", "contact.pharynx_wall.surface=pharynx"]
+"""The built-in tongue's names for the bones of the measured subject, who is not part of the sources."""
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(HOUSE))
+
+
+def blocks(language: str) -> list[object]:
+    """The fenced blocks of a language in all documents."""
+    return [
+        pytest.param(block, id=f"{name_of(path)}-{number}")
+        for path in DOCUMENTS
+        for number, block in enumerate(re.findall(rf"^```{language}\n(.*?)^```", path.read_text("utf-8"), re.DOTALL | re.MULTILINE))
+    ]
+
+
+def commands(pattern: str) -> list[object]:
+    """Command lines in the documents and in the comments of scenarios that begin as the pattern."""
+    line = re.compile(rf"{pattern}(?:mpiexec -n \d+ )?tongue ([a-z][^`\n]*)", re.MULTILINE)
+    sources = [*DOCUMENTS, *SCENARIOS]
+    found = sorted({(name_of(path), text.split(" #")[0].strip()) for path in sources for text in line.findall(path.read_text("utf-8"))})
+    return [pytest.param(shlex.split(text)[0], shlex.split(text)[1:], id=f"{path}: {text}") for path, text in found]
+
+
+@pytest.fixture
+def shorten(tongue: tf.TongueMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Let every tongue be the one at 8 mm that the tests share, every run end at a time in s, and files go to a scratch folder."""
+
+    def shorten(end: float) -> None:
+        run = tf.Simulation.run
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(tf.Anatomy, "mesh", lambda self, size: tongue)
+        monkeypatch.setattr(tf.Simulation, "run", lambda *a, t_end, **k: run(*a, t_end=min(t_end, end), **k))
+
+    return shorten
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=name_of)
+def test_scenarios_fit_their_meshes(path: Path, tongue_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """``tongue check``, with the small tongue where the scenario has one."""
+    mesh = load(path).mesh.file
+    changes = [] if mesh and Path(mesh).is_file() else [f"mesh={{file='{tongue_file}'}}"]
+    changes += BONES_OF_PB if path.stem == "subject_palate" else []
+    with pytest.raises(SystemExit) as leaving:
+        main(["check", str(path), *(word for change in changes for word in ("--set", change))])
+    assert (leaving.value.code, capsys.readouterr().err) == (0, "")
+
+
+def test_ggp_from_python(shorten: Callable[[float], None]) -> None:
+    """The demo at 8 mm until the muscle is fully active; it checks its own number."""
+    shorten(0.1)
+    runpy.run_path(str(HOUSE / "demos" / "ggp.py"), run_name="__main__")
+    assert Path("runs/ggp_python/summary.json").is_file()
+
+
+def test_beam_of_heart_muscle() -> None:
+    """The demo on its coarsest mesh, which is too stiff by less than a twentieth; the finer ones are a row of ``tongue verify``."""
+    demo = runpy.run_path(str(HOUSE / "demos" / "land_beam.py"))
+    assert demo["deformed_height"]((10, 1, 1)) == pytest.approx(4.17, rel=0.05)
+
+
+@pytest.mark.parametrize("block", blocks("python"))
+def test_python_of_documents(block: str, shorten: Callable[[float], None]) -> None:
+    """It runs as it stands."""
+    shorten(0.01)
+    exec(compile(block, "document", "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.parametrize("block", blocks("toml"))
+def test_toml_of_documents(block: str, tmp_path: Path) -> None:
+    """A scenario loads; a file of the example's, named in the first line, is as it stands."""
+    if named := re.match(r"# (\S+\.toml)\n", block):
+        assert tomllib.loads(block) == tomllib.loads((SUBJECT_FILES / named[1]).read_text("utf-8"))
+    else:
+        (tmp_path / "scenario.toml").write_text(block, encoding="utf-8")
+        load(tmp_path / "scenario.toml")
+
+
+@pytest.mark.parametrize("block", blocks("json"))
+def test_json_of_documents(block: str) -> None:
+    """It is JSON."""
+    assert json.loads(block)
+
+
+@pytest.mark.parametrize(("name", "arguments"), commands(r"(?:^    |#\s+)"))
+def test_command_lines(name: str, arguments: list[str]) -> None:
+    """The command is known, so are its options, and nothing that it needs is left out."""
+    command = COMMANDS[name]
+    command.make_parser(command.context_class(command, info_name=name)).parse_args(arguments)
+
+
+@pytest.mark.parametrize(("name", "arguments"), commands("`"))
+def test_commands_in_sentences(name: str, arguments: list[str]) -> None:
+    """The command is known, and so are the options that are spoken of."""
+    known = {option for parameter in COMMANDS[name].params for option in parameter.opts}
+    assert {word for word in arguments if word.startswith("-")} <= known
+
+
+def test_make_of_documents() -> None:
+    """The targets that the documents name are in the Makefile."""
+    named = {target for path in DOCUMENTS for target in re.findall(r"(?:^    |`)make ([a-z-]+)", path.read_text("utf-8"), re.MULTILINE)}
+    declared = re.findall(r"^([a-z-]+):", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE)
+    assert {"demo", "test"} <= named <= set(declared)
+
+
+def test_one_version() -> None:
+    """`pyproject.toml` has it; the installed package and the citation say the same."""
+    number = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    assert tf.__version__ == version("tongue_fenicsx") == number
+    assert f"\nversion: {number}\n" in (HOUSE / "CITATION.cff").read_text("utf-8")
