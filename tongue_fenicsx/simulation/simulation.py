@@ -78,8 +78,8 @@ class Simulation:
 
     def run(
         self,
-        activation: Activation | None = None,
-        t_end: float = 0.35,
+        activation: Activation,
+        t_end: float,
         output: str | Path | None = None,
         *,
         resume: bool = False,
@@ -91,8 +91,8 @@ class Simulation:
 
         Parameters
         ----------
-        activation : mapping or Control, optional
-            What moves the muscles.
+        activation : mapping or Control
+            What moves the muscles; an empty mapping leaves them at rest.
         t_end : float
             End of the simulated time in s.
         output : path, optional
@@ -119,7 +119,7 @@ class Simulation:
         if resume and output is None:
             raise InputError("resume: a run goes on from its folder; give output.")
         model, comm = self.model, self.model.tongue.comm
-        control = _control(activation or {})
+        control = _control(activation)
         sides = resolve_sides(control, model)
         store = Memory() if output is None else Folder(Path(output))
         if isinstance(store, Folder):
