@@ -60,7 +60,7 @@ def deformed_height(divisions: tuple[int, int, int]) -> float:
     simulation = tf.Simulation(
         model, probes={"tip": (10e-3, 0.5e-3, 1e-3)}, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6, max_newton=30)
     )
-    run = simulation.run(t_end=1.0)
+    run = simulation.run({}, t_end=1.0)
     simulation.close()
     return 1.0 + 1e3 * float(run.probes["tip"][-1, 2])
 

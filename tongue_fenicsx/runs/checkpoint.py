@@ -17,6 +17,9 @@ from .store import Store
 
 FILE = "checkpoint.h5"
 
+Identity = Callable[[float], Mapping[str, str]]
+"""Fingerprint of each part of a problem up to a time in s."""
+
 
 @dataclass(frozen=True)
 class Checkpoint:
@@ -60,7 +63,7 @@ class Checkpoint:
         store.replace(FILE, write)
 
     @classmethod
-    def read(cls, store: Store, identity: Callable[[float], Mapping[str, str]], n_nodes: int) -> Checkpoint:
+    def read(cls, store: Store, identity: Identity, n_nodes: int) -> Checkpoint:
         """The checkpoint of the problem whose fingerprints at a time `identity` tells.
 
         Raises

@@ -8,7 +8,7 @@ ranks and a checkpoint continues on any other. Only rank 0 touches files; other 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from ..geometry.surface import Surface
 from . import checkpoint as checkpoints
 from . import history as histories
 from . import xdmf
-from .checkpoint import Checkpoint
+from .checkpoint import Checkpoint, Identity
 from .history import History, Row, read_rows
 from .numbering import Numbering
 from .store import Store
@@ -44,6 +44,8 @@ class RunWriter:
         Space of the displacement.
     probes : mapping
         Names of the probes to their points (3,) in m of the rest shape.
+    identity : callable or None
+        Of a time in s: fingerprint of each part of the problem up to there; without one no checkpoint is kept.
 
     Attributes
     ----------
@@ -51,8 +53,8 @@ class RunWriter:
         Of all steps, on every rank.
     """
 
-    def __init__(self, store: Store, V: fem.FunctionSpace, probes: Mapping[str, Floats]) -> None:
-        self.store, self.history = store, History(probes)
+    def __init__(self, store: Store, V: fem.FunctionSpace, probes: Mapping[str, Floats], identity: Identity | None) -> None:
+        self.store, self.history, self._identity = store, History(probes), identity
         self.numbering = Numbering(V)
         self._comm = V.mesh.comm
         self._times: list[float] = []
@@ -98,10 +100,11 @@ class RunWriter:
 
         on_rank_zero(self._comm, write)
 
-    def write_checkpoint(
-        self, identity: Mapping[str, str], numbers: Mapping[str, Any], arrays: Mapping[str, Floats], progress: Mapping[str, Any]
-    ) -> None:
+    def write_checkpoint(self, numbers: Mapping[str, Any], arrays: Mapping[str, Floats], progress: Mapping[str, Any]) -> None:
         """Save the whole state; `arrays` are local and flat (see `Checkpoint`)."""
+        if self._identity is None:
+            return
+        identity = self._identity(numbers["t"])
         gathered = {name: self.numbering.gather(values) for name, values in arrays.items()}
 
         def write() -> None:
@@ -111,8 +114,8 @@ class RunWriter:
 
         on_rank_zero(self._comm, write)
 
-    def read_checkpoint(self, identity: Callable[[float], Mapping[str, str]]) -> Checkpoint:
-        """Go on from the checkpoint of this store, if it is of the problem that `identity` tells for its time; arrays are local and flat.
+    def read_checkpoint(self) -> Checkpoint:
+        """Go on from the checkpoint of this store; its arrays are local and flat.
 
         Raises
         ------
@@ -120,15 +123,16 @@ class RunWriter:
             If there is none, it belongs to another problem, or a file is damaged.
         """
         found: Checkpoint
-        found, self.history.rows = on_rank_zero(self._comm, lambda: self._load(identity))
+        found, self.history.rows = on_rank_zero(self._comm, self._load)
         self._times = found.times
         return replace(found, arrays={name: self.numbering.scatter(values) for name, values in found.arrays.items()})
 
-    def _load(self, identity: Callable[[float], Mapping[str, str]]) -> tuple[Checkpoint, list[Row]]:
+    def _load(self) -> tuple[Checkpoint, list[Row]]:
+        assert self._identity is not None
         assert self.numbering.points is not None
         n_nodes, name = len(self.numbering.points), checkpoints.FILE
         try:
-            found = Checkpoint.read(self.store, identity, n_nodes)
+            found = Checkpoint.read(self.store, self._identity, n_nodes)
             name = histories.FILE
             rows = read_rows(self.store, found.n_rows)
             name = FIELDS

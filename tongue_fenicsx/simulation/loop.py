@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from mpi4py import MPI
@@ -30,6 +30,33 @@ NUMBERS = ("t", "h", "gammas")
 """What of a `State` are numbers and not nodal arrays."""
 
 
+@dataclass(frozen=True)
+class Task:
+    """What a run is to do.
+
+    Attributes
+    ----------
+    model, stepping : Model, Stepping
+        What is simulated, and how.
+    levels : callable
+        Level of each muscle, with its side, at a time (s) from the last state.
+    t_end : float
+        In s.
+    kinks : list of float
+        Times in s that steps must end on.
+    report, after_step : callable, optional
+        See `Simulation.run`.
+    """
+
+    model: Model
+    stepping: Stepping
+    levels: Callable[[float, Snapshot], Mapping[str, float]]
+    t_end: float
+    kinks: list[float]
+    report: Report | None = None
+    after_step: Callable[[Snapshot], object] | None = None
+
+
 class Loop:
     """A run in progress.
 
@@ -37,49 +64,24 @@ class Loop:
     ----------
     engine : Engine
         Solves the steps.
-    model, stepping : Model, Stepping
-        What is simulated, and how.
-    activation : callable
-        Level of each muscle at a time, from the last state.
-    t_end : float
-        In s.
-    kinks : list of float
-        Times in s that steps must end on.
+    task : Task
+        What is to be done.
     writer : RunWriter
         Takes the results.
-    identity : callable
-        Of a time in s: fingerprint of each part of the problem up to there, for checkpoints; None for none.
     where : str
         Where the results are, for messages.
-    report, after_step : callable, optional
-        See `Simulation.run`.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        model: Model,
-        stepping: Stepping,
-        activation: Callable[[float, Snapshot], Mapping[str, float]],
-        t_end: float,
-        kinks: list[float],
-        writer: RunWriter,
-        identity: Callable[[float], Mapping[str, str]] | None,
-        where: str,
-        report: Report | None,
-        after_step: Callable[[Snapshot], object] | None,
-    ) -> None:
-        self._engine, self._model, self._stepping, self._activation = engine, model, stepping, activation
-        self._t_end, self._kinks, self._writer, self._identity, self._where = t_end, kinks, writer, identity, where
-        self._report, self._after_step = report, after_step
-        self._comm = model.tongue.comm
+    def __init__(self, engine: Engine, task: Task, writer: RunWriter, where: str) -> None:
+        self._engine, self._task, self._writer, self._where = engine, task, writer, where
+        self._comm = task.model.tongue.comm
         self._totals = Totals()
 
     def begin(self, clock: float) -> None:
         """Begin at rest; `clock` is when setting up began."""
-        self._steps = StepControl(self._stepping, self._t_end, self._kinks)
-        self._writer.start({name: contact.obstacle.surface for name, contact in self._model.contacts.items()})
-        self._now = self._engine.start(self._activation(0.0, self._engine.rest()))
+        self._steps = StepControl(self._task.stepping, self._task.t_end, self._task.kinks)
+        self._writer.start({name: contact.obstacle.surface for name, contact in self._task.model.contacts.items()})
+        self._now = self._engine.start(self._task.levels(0.0, self._engine.rest()))
         self._record()
         self._output()
         self._set_clock(clock)
@@ -89,7 +91,7 @@ class Loop:
         numbers = dict(saved.numbers)
         state = State(**{**{name: numbers.pop(name) for name in NUMBERS}, **saved.arrays} | {"gammas": tuple(saved.numbers["gammas"])})
         balance, self._totals = Balance(**saved.progress["balance"]), Totals(**saved.progress["totals"])
-        self._steps = StepControl(self._stepping, self._t_end, self._kinks, **saved.progress["steps"])
+        self._steps = StepControl(self._task.stepping, self._task.t_end, self._task.kinks, **saved.progress["steps"])
         self._now = self._engine.resume(state, saved.progress["levels"], balance)
         self._engine.log(f"resumed at t = {state.t:.6f} s")
         self._set_clock(clock)
@@ -109,7 +111,7 @@ class Loop:
             If it was interrupted; everything up to the last step is saved.
         """
         with interruptible() as interrupted:
-            while self._now.t < self._t_end * (1 - 1e-12):
+            while self._now.t < self._task.t_end * (1 - 1e-12):
                 self._step()
                 if self._comm.allreduce(int(interrupted()), op=MPI.MAX):
                     self._finish("interrupted")
@@ -119,7 +121,7 @@ class Loop:
     def _step(self) -> None:
         engine, before = self._engine, self._engine.equations.state
         t, target = self._steps.next_time(before.t)
-        levels = self._activation(t, self._now)
+        levels = self._task.levels(t, self._now)
         outcome = engine.solve(t, levels)
         self._totals.count(outcome)
         fault: str | None = outcome.reason
@@ -146,7 +148,7 @@ class Loop:
             self._engine.equations.at(t, self._now.levels)
             self._finish("failed")
             raise SolveError(
-                f"the solve failed at t = {t:.6f} s even with the smallest step, {self._stepping.step_min:g} s ({fault}); "
+                f"the solve failed at t = {t:.6f} s even with the smallest step, {self._task.stepping.step_min:g} s ({fault}); "
                 f"{where}. The last good state is saved in {self._where}. Less activation, a slower rise, a longer tendon or "
                 "another element size may help."
             )
@@ -158,10 +160,10 @@ class Loop:
             f"t = {now.t:.6f} s  h = {1e3 * now.h:.3f} ms  newton {outcome.newton}  krylov {outcome.krylov}  {outcome.rung}  "
             f"min J {now.min_jacobian:.3f}  volume {100 * (now.volume_ratio - 1):+.3f} %"
         )
-        if self._after_step is not None:
-            self._after_step(now)
-        if self._report is not None and self._comm.rank == 0:
-            self._report(Progress(now.t, self._t_end, self._totals.n_steps, now.h, outcome.newton, outcome.krylov, outcome.rung))
+        if self._task.after_step is not None:
+            self._task.after_step(now)
+        if self._task.report is not None and self._comm.rank == 0:
+            self._task.report(Progress(now.t, self._task.t_end, self._totals.n_steps, now.h, outcome.newton, outcome.krylov, outcome.rung))
         if now.t >= target and self._steps.stores(target):
             self._output()
             self._checkpoint()
@@ -177,7 +179,7 @@ class Loop:
         nodal: dict[str, Any] = {}
         cellwise: dict[str, Any] = {}
         for quantity in FIELDS.values():
-            if quantity.default or quantity.name in self._stepping.fields:
+            if quantity.default or quantity.name in self._task.stepping.fields:
                 (nodal if quantity.centre == "Node" else cellwise).update(quantity.values(self._now))
         self._writer.write_fields(self._now.t, nodal, cellwise)
 
@@ -185,8 +187,6 @@ class Loop:
         now = time.perf_counter()
         self._totals.wall_seconds += now - self._clock
         self._clock = now
-        if self._identity is None:
-            return
         state = self._engine.equations.state
         numbers = {name: getattr(state, name) for name in NUMBERS}
         arrays = {item.name: getattr(state, item.name) for item in fields(state) if item.name not in NUMBERS}
@@ -196,12 +196,12 @@ class Loop:
             "steps": {"step": self._steps.step, "largest": self._steps.largest},
             "levels": dict(self._now.levels),
         }
-        self._writer.write_checkpoint(self._identity(state.t), numbers, arrays, progress)
+        self._writer.write_checkpoint(numbers, arrays, progress)
 
     def _finish(self, status: str) -> None:
         self._checkpoint()
         writer = self._writer
         writer.finish(
-            summarise(Ending(status, self._model, self._now, self._totals, writer.history, writer.numbering, self._engine.n_unknowns))
+            summarise(Ending(status, self._task.model, self._now, self._totals, writer.history, writer.numbering, self._engine.n_unknowns))
         )
         self._engine.log(f"{status} at t = {self._now.t:.6f} s after {self._totals.wall_seconds:.1f} s")

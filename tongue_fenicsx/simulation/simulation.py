@@ -25,7 +25,7 @@ from ..runs.writer import LOG, RUN_FILES, SCENARIO, RunWriter
 from ..solvers.tolerances import Tolerances
 from . import fields, records, summary  # noqa: F401  the standard quantities register themselves
 from .engine import Engine
-from .loop import Loop
+from .loop import Loop, Task
 from .probes import Probes
 from .quantities import FIELDS
 from .snapshot import Snapshot
@@ -63,7 +63,7 @@ class Simulation:
         tolerances: Tolerances | None = None,
     ) -> None:
         self.model, self.stepping, self.tolerances = model, stepping or Stepping(), tolerances or Tolerances()
-        tongue = model.tongue
+        self._tongue = tongue = model.tongue
         for name in self.stepping.fields:
             if name not in FIELDS:
                 raise InputError(f"output.fields: {name!r} is not one of {', '.join(FIELDS)}.")
@@ -78,8 +78,8 @@ class Simulation:
 
     def run(
         self,
-        activation: Activation | None = None,
-        t_end: float = 0.35,
+        activation: Activation,
+        t_end: float,
         output: str | Path | None = None,
         *,
         resume: bool = False,
@@ -91,8 +91,8 @@ class Simulation:
 
         Parameters
         ----------
-        activation : mapping or Control, optional
-            What moves the muscles.
+        activation : mapping or Control
+            What moves the muscles; an empty mapping leaves them at rest.
         t_end : float
             End of the simulated time in s.
         output : path, optional
@@ -119,38 +119,24 @@ class Simulation:
         if resume and output is None:
             raise InputError("resume: a run goes on from its folder; give output.")
         model, comm = self.model, self.model.tongue.comm
-        control = _control(activation or {})
+        if model.tongue is not self._tongue:
+            raise InputError("model: it has another mesh than the simulation was made for; make another simulation.")
+        control = _control(activation)
         sides = resolve_sides(control, model)
         store = Memory() if output is None else Folder(Path(output))
         if isinstance(store, Folder):
-            on_rank_zero(comm, lambda: check_outputs(store.path, RUN_FILES))
-            on_rank_zero(comm, lambda: check_outputs(store.path / "figures", figure_files()))
+            on_rank_zero(comm, lambda: check_outputs(store.path / "figures"))
+            on_rank_zero(comm, lambda: check_outputs(store.path, [*RUN_FILES, *figure_files()]))
         engine = self._prepare([name for names in sides.values() for name in names])
 
         def levels(t: float, now: Snapshot) -> dict[str, float]:
             return {name: level for key, level in control.levels(t, now).items() for name in sides[key]}
 
-        kinks = [*model.kinks, *control.kinks]
-        writer = RunWriter(store, engine.weak.V, self.probes.rest)
-        parts = self._fingerprint() if isinstance(store, Folder) else {}
-
-        def identity(t: float) -> dict[str, str]:
-            return parts | {"activation": fingerprint(control, t)}
-
-        loop = Loop(
-            engine,
-            model,
-            self.stepping,
-            levels,
-            t_end,
-            kinks,
-            writer,
-            identity if parts else None,
-            str(output or "memory"),
-            report,
-            after_step,
-        )
-        saved = writer.read_checkpoint(identity) if resume else None
+        identity = self._identify(control) if isinstance(store, Folder) else None
+        writer = RunWriter(store, engine.weak.V, self.probes.rest, identity)
+        task = Task(model, self.stepping, levels, t_end, [*model.kinks, *control.kinks], report, after_step)
+        loop = Loop(engine, task, writer, str(output or "memory"))
+        saved = writer.read_checkpoint() if resume else None
         with ExitStack() as stack:
             log = None
             if isinstance(store, Folder) and comm.rank == 0:
@@ -180,10 +166,11 @@ class Simulation:
             self._engine = Engine(self.model, muscles, self.probes, self.stepping, self.tolerances)
         return self._engine
 
-    def _fingerprint(self) -> dict[str, str]:
-        """Of what makes the motion beside the activation, but not of where it is written or when it ends."""
+    def _identify(self, control: Control) -> Callable[[float], dict[str, str]]:
+        """Of a time in s: fingerprint of each part of what makes the motion up to there, but not of where it is written or when it ends."""
         parts = {"time and output": self.stepping, "solver": self.tolerances, "probes": self.probes.rest}
-        return self.model.fingerprint() | {name: fingerprint(value) for name, value in parts.items()}
+        fixed = self.model.fingerprint() | {name: fingerprint(value) for name, value in parts.items()}
+        return lambda t: fixed | {"activation": fingerprint(control, t)}
 
 
 def _control(activation: Activation) -> Control:

@@ -55,6 +55,6 @@ def land(n: int = 3) -> Iterator[Row]:
     stepping = Stepping(step_max=0.1, output_every=1.0, quasi_static=True)
     tight = Tolerances(rtol=1e-6, max_newton=30)
     simulation = Simulation(model, {"end": (10e-3, 0.5e-3, 1e-3)}, stepping, tight)
-    height = 1 + 1e3 * float(simulation.run(t_end=1.0).probes["end"][-1, 2])
+    height = 1 + 1e3 * float(simulation.run({}, t_end=1.0).probes["end"][-1, 2])
     simulation.close()
     yield Row("beam of heart muscle under a following pressure", "Land et al. 2015", abs(height / AGREED - 1), 0.01, f"{height:.3f} mm")
