@@ -63,6 +63,7 @@ def shorten(tongue: tf.TongueMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     return shorten
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SCENARIOS, ids=name_of)
 def test_scenarios_fit_their_meshes(path: Path, tongue_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """``tongue check``, with the small tongue where the scenario has one."""
@@ -74,6 +75,7 @@ def test_scenarios_fit_their_meshes(path: Path, tongue_file: Path, capsys: pytes
     assert (leaving.value.code, capsys.readouterr().err) == (0, "")
 
 
+@pytest.mark.slow
 def test_ggp_from_python(shorten: Callable[[float], None]) -> None:
     """The demo at 8 mm until the muscle is fully active; it checks its own number."""
     shorten(0.1)
