@@ -2,6 +2,7 @@
 # make check  lint, types and the quick tests, for between two commits: a minute or two
 # make test   lint, types, tests (part of them also on two ranks) and how much of the code they reach
 # make bench  what the solver costs, in minutes, against the committed numbers; make bench-full at the chapter's size, an hour
+# make rooms  draw into docs/architecture.md which room imports which
 # They need Python >= 3.12, a C compiler and make; everything else goes into .venv/
 
 VENV := .venv
@@ -10,7 +11,7 @@ PYTHON ?= $(shell for p in python3.13 python3.14 python3.12 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 12))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo check test bench bench-full lint clean
+.PHONY: demo check test bench bench-full lint rooms clean
 
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
@@ -38,6 +39,9 @@ lint: $(VENV)/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+rooms: $(VENV)/ready
+	$(BIN)/python docs/draw_rooms.py
 
 $(VENV)/ready: pyproject.toml constraints.txt
 ifeq ($(PYTHON),)

@@ -159,6 +159,17 @@ def test_make_of_documents() -> None:
     assert {"demo", "test"} <= named <= set(declared)
 
 
+def test_picture_of_the_rooms() -> None:
+    """It is that of the code (``make rooms``), the rooms in words are those of the contract, in the same order, and so is the map."""
+    drawing = runpy.run_path(str(HOUSE / "docs" / "draw_rooms.py"))
+    text = (HOUSE / "docs" / "architecture.md").read_text("utf-8")
+    assert drawing["page"]() == text
+    (contract,) = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    assert " < ".join(reversed(contract["layers"])) in " ".join(text.split())
+    rooms = re.findall(r"^\| (`.*?) \|", (HOUSE / "CONTRIBUTING.md").read_text("utf-8"), re.MULTILINE)
+    assert set(re.findall(r"\w+", " ".join(rooms))) == set(contract["layers"])
+
+
 def test_one_version() -> None:
     """`pyproject.toml` has it; the installed package and the citation say the same."""
     number = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["project"]["version"]
