@@ -52,7 +52,7 @@ def test_table(tmp_path: Path) -> None:
     """Place, speed and curvature of each probe stand under their names; what there is not is empty."""
     path = circle(8e-3, 0.1)
     run = SimpleNamespace(time=T, probes={"tip": path - path[0]}, rest={"tip": path[0]})
-    kinematics.write(run, tmp_path / "t.csv")  # type: ignore[arg-type]
+    kinematics.write_trajectories(run, tmp_path / "t.csv")  # type: ignore[arg-type]
     table = np.genfromtxt(tmp_path / "t.csv", delimiter=",", names=True)
     assert table.dtype.names == ("time_s", "tip_x_m", "tip_y_m", "tip_z_m", "tip_speed_m_s", "tip_curvature_1_m")
     np.testing.assert_allclose(table["tip_z_m"], path[:, 2], atol=1e-8)
