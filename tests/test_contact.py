@@ -77,10 +77,9 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     """A step 3 mm down to a floor 1 mm below ends at the floor; one that turns the block inside out is cut."""
     weak = WeakForm(sinking(block, Contact(FLOOR)), [])
     scheme = GeneralizedAlpha(weak.u)
-    newton = Newton(Equations(weak, scheme), Tolerances(), print)
-    weak.load(1.0, {})
-    scheme.begin(0.1)
-    newton.forces.repack()
+    equations = Equations(weak, scheme)
+    newton = Newton(equations, Tolerances(), print)
+    equations.at(0.1, {})
     x, step, b = newton._x, newton._x.duplicate(), newton._b
     newton._evaluate(x, b)
     place = weak.V.tabulate_dof_coordinates()[: step.getLocalSize() // 3]

@@ -17,7 +17,7 @@ from tongue_fenicsx.runs.store import Memory
 @pytest.fixture(scope="module")
 def run(tongue: tf.TongueMesh, workspace: Path) -> tf.Run:
     """A short one, without contact."""
-    return tf.Simulation(tf.Model(tongue), {"GGP": tf.ramp(0.01, 0.01)}).run(0.005, workspace / "drawn")
+    return tf.Simulation(tf.Model(tongue)).run({"GGP": tf.ramp(0.01, 0.01)}, 0.005, workspace / "drawn")
 
 
 def test_a_figure_of_the_user(run: tf.Run) -> None:

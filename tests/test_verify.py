@@ -12,10 +12,10 @@ import pytest
 
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.forms import nodal_forces as forces
+from tongue_fenicsx.forms import weak_form
 from tongue_fenicsx.geometry import obstacles
 from tongue_fenicsx.mechanics import contraction as active
 from tongue_fenicsx.mechanics import hyperelasticity as passive
-from tongue_fenicsx.mechanics import model
 from tongue_fenicsx.simulation import energy as measures
 from tongue_fenicsx.solvers import time_integration as timestep
 from tongue_fenicsx.verification import CASES, Row, calculix, motion
@@ -51,13 +51,13 @@ def _stiffer(patch: pytest.MonkeyPatch) -> None:
 
 
 def _stiffer_tangent(patch: pytest.MonkeyPatch) -> None:
-    right = model.WeakForm.equations
+    right = weak_form.WeakForm.equations
 
-    def wrong(self: model.WeakForm, v: Any, a: Any) -> Any:
+    def wrong(self: weak_form.WeakForm, v: Any, a: Any) -> Any:
         residual, tangent = right(self, v, a)
         return residual, [[1.05 * part for part in row] for row in tangent] if self.model.mixed else 1.05 * tangent
 
-    patch.setattr(model.WeakForm, "equations", wrong)
+    patch.setattr(weak_form.WeakForm, "equations", wrong)
 
 
 def _stronger(patch: pytest.MonkeyPatch) -> None:
@@ -78,7 +78,7 @@ def _other_gamma(patch: pytest.MonkeyPatch) -> None:
 def _more_damping(patch: pytest.MonkeyPatch) -> None:
     right = forces.Forces.__init__
 
-    def wrong(self: forces.Forces, weak: model.WeakForm, scheme: Any) -> None:
+    def wrong(self: forces.Forces, weak: weak_form.WeakForm, scheme: Any) -> None:
         tissue = weak.model.tissue
         weak.model = replace(weak.model, tissue=replace(tissue, damping=replace(tissue.damping, alpha=1.05 * tissue.damping.alpha)))
         right(self, weak, scheme)
@@ -87,25 +87,25 @@ def _more_damping(patch: pytest.MonkeyPatch) -> None:
 
 
 def _wrong_energy(patch: pytest.MonkeyPatch) -> None:
-    right = measures.Measures._read
+    right = measures.EnergyBalance._read
 
-    def wrong(self: measures.Measures) -> Any:
-        now = right(self)
+    def wrong(self: measures.EnergyBalance, *forces: Any) -> Any:
+        now = right(self, *forces)
         self.balance.elastic *= 1.05
         self.balance.kinetic *= 1.05
         return now
 
-    patch.setattr(measures.Measures, "_read", wrong)
+    patch.setattr(measures.EnergyBalance, "_read", wrong)
 
 
 def _heavier(patch: pytest.MonkeyPatch) -> None:
-    right = model.WeakForm.set_time
+    right = weak_form.WeakForm.load
 
-    def wrong(self: model.WeakForm, t: float, levels: Any) -> None:
+    def wrong(self: weak_form.WeakForm, t: float, levels: Any) -> None:
         right(self, t, levels)
         self.gravity.value[:] *= 1.05
 
-    patch.setattr(model.WeakForm, "set_time", wrong)
+    patch.setattr(weak_form.WeakForm, "load", wrong)
 
 
 def _larger_ball(patch: pytest.MonkeyPatch) -> None:

@@ -141,7 +141,7 @@ def test_failed_solve(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def fails(*_: Any) -> Any:
         raise SolveError("the solve gave up.")
 
-    monkeypatch.setattr(solo, "moved", fails)
+    monkeypatch.setattr(solo, "run", fails)
     monkeypatch.setattr(solo, "walls_in", lambda mesh: [])
     settings = matrix.columns(tmp_path / "coarse.msh")
     told: list[str] = []

@@ -84,13 +84,17 @@ class Engine:
         return Snapshot(self._sensors, dict.fromkeys(self.weak.slots.names, 0.0))
 
     def start(self, levels: Mapping[str, float]) -> Snapshot:
-        """Begin at rest at t = 0 with muscles at `levels`.
+        """Begin at rest at t = 0 with muscles at `levels`."""
+        return self._start(levels, levels)
 
-        The acceleration to begin with is that of muscles at rest: one that jumps at t = 0 acts from the first step on. (With the jump in
-        it, a light tissue would be thrown farther in the first step than any Newton iteration comes back from.)
-        """
+    def start_calmly(self, levels: Mapping[str, float]) -> Snapshot:
+        """Begin with the acceleration of muscles at rest, so that a jump to `levels` acts from the first step on: with the jump in it,
+        soft tissue can be thrown farther in that step than any Newton iteration comes back from."""
+        return self._start(levels, {})
+
+    def _start(self, levels: Mapping[str, float], accelerating: Mapping[str, float]) -> Snapshot:
         self.equations.restore(self._rest)
-        self.equations.at(0.0, {})
+        self.equations.at(0.0, accelerating)
         if not self._quasi_static:
             set_initial_acceleration(self.equations, self._tolerances.atol)
         self.equations.at(0.0, levels)

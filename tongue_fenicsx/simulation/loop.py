@@ -75,7 +75,7 @@ class Loop:
     def __init__(self, engine: Engine, task: Task, writer: RunWriter, where: str) -> None:
         self._engine, self._task, self._writer, self._where = engine, task, writer, where
         self._comm = task.model.tongue.comm
-        self._totals = Totals()
+        self._totals, self._calm = Totals(), False
 
     def begin(self, clock: float) -> None:
         """Begin at rest; `clock` is when setting up began."""
@@ -124,6 +124,13 @@ class Loop:
         levels = self._task.levels(t, self._now)
         outcome = engine.solve(t, levels)
         self._totals.count(outcome)
+        if before.t == 0.0 and not outcome.converged and not self._calm and any(self._now.levels.values()):
+            self._calm = True
+            self._engine.log(
+                f"the first step failed ({outcome.reason}); again from the acceleration of muscles at rest, as their levels jump"
+            )
+            self._now = engine.start_calmly(self._now.levels)
+            return
         fault: str | None = outcome.reason
         if outcome.converged:
             engine.equations.accept(t)
