@@ -130,12 +130,12 @@ def by_scikit_fem(n: int, steps: int) -> Peer:
         I1 = J ** (-2 / 3) * ddot(F, F)
         return F, J, invFT, I1, LAW.c10 + 2 * LAW.c20 * (I1 - 3)
 
-    @skfem.LinearForm
+    @skfem.LinearForm  # type: ignore[untyped-decorator]
     def force(w: Any, at: Any) -> Any:
         F, J, T, I1, slope = kinematics(at["u"])
         return ddot(2 * slope * (J ** (-2 / 3) * F - I1 / 3 * T) + kappa * (J - 1) * J * T, w.grad)
 
-    @skfem.BilinearForm
+    @skfem.BilinearForm  # type: ignore[untyped-decorator]
     def tangent(du: Any, w: Any, at: Any) -> Any:
         F, J, T, I1, slope = kinematics(at["u"])
         G, H = du.grad, w.grad

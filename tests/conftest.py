@@ -92,13 +92,13 @@ def opened(path: Path) -> Iterator[None]:
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One scratch folder for all ranks."""
     folder = tmp_path_factory.mktemp("work") if MPI.COMM_WORLD.rank == 0 else None
-    return MPI.COMM_WORLD.bcast(folder)
+    return Path(MPI.COMM_WORLD.bcast(folder))
 
 
 @pytest.fixture
 def scratch(workspace: Path, request: pytest.FixtureRequest) -> Path:
     """A fresh folder for one test, the same on all ranks."""
-    folder = workspace / request.node.name.replace("/", "_").replace("[", "_").replace("]", "")
+    folder = workspace / str(request.node.name).replace("/", "_").replace("[", "_").replace("]", "")
     on_rank_zero(MPI.COMM_WORLD, lambda: os.makedirs(folder, exist_ok=True))
     return folder
 

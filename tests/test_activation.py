@@ -63,7 +63,7 @@ def test_function_of_time() -> None:
     assert course(0.1) == pytest.approx(math.sin(1.0) ** 2)
     for wrong in (math.nan, -0.1, 1.1):
         with pytest.raises(InputError, match="a number from 0 to 1 is expected"):
-            FunctionOfTime(lambda t, wrong=wrong: wrong)(0.0)
+            FunctionOfTime(lambda t, wrong=wrong: wrong)(0.0)  # type: ignore[misc]
 
 
 def test_excitation_dynamics() -> None:

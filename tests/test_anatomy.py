@@ -133,7 +133,7 @@ def test_split_muscles(parametric: tf.Anatomy) -> None:
         np.testing.assert_array_equal(regions.any(axis=0), parametric.muscles[whole].region(points))
         assert regions.all(axis=0).sum() == 0
         assert regions.any(axis=1).all()
-        assert sum(other.muscles[part].pcsa for part in parts) == pytest.approx(parametric.muscles[whole].pcsa)
+        assert sum(other.muscles[part].pcsa or 0.0 for part in parts) == pytest.approx(parametric.muscles[whole].pcsa)
     for line in other.muscles["GGH_R"].fibres.lines:
         chord = line[-1] - line[0]
         assert -8 < np.degrees(np.arctan2(chord[2], chord[0])) < 6
@@ -197,6 +197,7 @@ def test_entry_of_styloglossus(parametric: tf.Anatomy, size: float) -> None:
     assert [name for name, field in fields.items() if field.entry is not None] == ["SG_L", "SG_R"]
     for name, side in (("SG_L", -1), ("SG_R", 1)):
         entry = fields[name].entry
+        assert entry is not None
         corners = mesh.points[entry.facets]
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
         assert (area * entry.share.mean(axis=1)).sum() == pytest.approx(1e-6 * (np.pi * 1.8**2 + 3.6 * 11.3), rel=0.1)
@@ -310,7 +311,9 @@ def test_subject_is_repaired_and_measured(scratch: Path) -> None:
     assert figures["min_sicn"] > 0.1
     tongue = tf.TongueMesh.read(scratch / "pb.msh")
     assert set(tongue.surfaces) == {"free", "mandible", "hyoid"}
-    np.testing.assert_allclose(tongue.muscles["SG_R"].entry.anchor, [0.14984, 0.035891, 0.125], atol=1e-5)
+    entry = tongue.muscles["SG_R"].entry
+    assert entry is not None
+    np.testing.assert_allclose(entry.anchor, [0.14984, 0.035891, 0.125], atol=1e-5)
 
 
 def test_reference_mesh(parametric: tf.Anatomy, scratch: Path) -> None:

@@ -29,7 +29,7 @@ pieces = [[0.1, 0.0, 1.0]]
 """
 
 
-def tongue(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str]:
+def tongue(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
     """Run the command in this process; return its exit code and what it printed."""
     with pytest.raises(SystemExit) as leaving:
         main([str(a) for a in arguments])
@@ -136,7 +136,7 @@ def test_missing_and_broken_files(tmp_path: Path, capsys: pytest.CaptureFixture[
     mesh.write_text("not a mesh")
     uses = tmp_path / "uses.toml"
     uses.write_text(SCENARIO.replace("tongue.msh", "text.msh"))
-    for arguments, message in [
+    faults: list[tuple[list[object], str]] = [
         (["check", tmp_path / "none.toml"], "none.toml: the file does not exist; a scenario in TOML is expected"),
         (["check", broken], "broken.toml: cannot be read"),
         (["check", uses], "text.msh"),
@@ -145,7 +145,8 @@ def test_missing_and_broken_files(tmp_path: Path, capsys: pytest.CaptureFixture[
         (["build", "--size", "0.1", "-o", tmp_path / "a.msh"], "0.1 mm is out of range"),
         (["build", tmp_path / "nobody"], "the subject folder does not exist"),
         (["build", "-o", tmp_path / "a.vtk"], "must end in .msh"),
-    ]:
+    ]
+    for arguments, message in faults:
         code, text = tongue(capsys, *arguments)
         assert (code, message in text) == (2, True), text
 
@@ -242,7 +243,8 @@ def test_units_and_dump(scenario: Path) -> None:
     changes = ["units='mm'", "muscles.tendon_length=4", "probes.p=[1.0, 2.0, 3.0]", "activation.GGP.pieces=[[0.1, 0, 1]]"]
     s = load(scenario, changes)
     assert s.muscles.tendon_length == pytest.approx(4e-3)
-    assert s.probes == {"p": pytest.approx((1e-3, 2e-3, 3e-3))}
+    assert s.probes is not None
+    assert s.probes["p"] == pytest.approx((1e-3, 2e-3, 3e-3))
     copy = scenario.with_name("copy.toml")
     copy.write_text(dump(s))
     assert load(copy) == s
@@ -284,7 +286,18 @@ def test_interrupt_and_resume(scenario: Path, tmp_path: Path) -> None:
 def test_bad_input_on_two_ranks(scenario: Path) -> None:
     """Under MPI a fault is said once, and every rank leaves with 2."""
     mpiexec = Path(sys.executable).with_name("mpiexec")
-    command = [mpiexec, "-n", "2", sys.executable, "-m", "tongue_fenicsx", "check", scenario, "--set", "activation.X.pieces=[[1, 0, 1]]"]
+    command = [
+        str(mpiexec),
+        "-n",
+        "2",
+        sys.executable,
+        "-m",
+        "tongue_fenicsx",
+        "check",
+        str(scenario),
+        "--set",
+        "activation.X.pieces=[[1, 0, 1]]",
+    ]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
     result = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, env=environment)
     assert result.returncode == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -30,7 +31,7 @@ FLOOR = Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0))
 END = {"end": (0.02, 0.005, 0.005)}
 
 
-def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) -> tf.Model:
+def sinking(block: tf.TongueMesh, contact: Contact | None, **options: Any) -> tf.Model:
     """A block that bends under its weight, onto a floor."""
     contacts = {} if contact is None else {"floor": contact}
     return tf.Model(
@@ -40,7 +41,7 @@ def sinking(block: tf.TongueMesh, contact: Contact | None, **options: object) ->
         gravity=(0, 0, -9.81),
         contacts=contacts,
         **options,
-    )  # type: ignore[arg-type]
+    )
 
 
 @pytest.mark.parallel
@@ -85,6 +86,7 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     place = weak.V.tabulate_dof_coordinates()[: step.getLocalSize() // 3]
     step.array.reshape(-1, 3)[:] = np.column_stack([squeeze * place[:, 0], 0 * place[:, 0], np.full(len(place), 3e-3)])
     whole, first = step.max()[1], b.dot(step)
+    assert newton._search is not None
     newton._search._shorten(x, step)
     share = step.max()[1] / whole
     x.axpy(-1.0, step)

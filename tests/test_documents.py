@@ -67,7 +67,7 @@ def shorten(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     def shorten(end: float) -> None:
         run, tongue = tf.Simulation.run, request.getfixturevalue("tongue")
         monkeypatch.setattr(tf.Anatomy, "mesh", lambda self, size: tongue)
-        monkeypatch.setattr(tf.Simulation, "run", lambda *a, t_end, **k: run(*a, t_end=min(t_end, end), **k))
+        monkeypatch.setattr(tf.Simulation, "run", lambda self, activation, t_end, output: run(self, activation, min(t_end, end), output))
 
     return shorten
 

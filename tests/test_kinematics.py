@@ -19,7 +19,7 @@ def circle(radius: float, speed: float) -> np.ndarray:
     """A circle in an inclined plane, in m, traversed at constant speed."""
     u, w = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8])
     angle = speed / radius * T[:, None]
-    return radius * (np.cos(angle) * u + np.sin(angle) * w)
+    return np.asarray(radius * (np.cos(angle) * u + np.sin(angle) * w))
 
 
 def test_circle() -> None:

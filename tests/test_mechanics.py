@@ -42,7 +42,7 @@ def weak_form(tongue: tf.TongueMesh, active: list[str] | None = None, tissue: di
     return WeakForm(tf.Model(tongue, replace(tf.Tissue.calka(), **(tissue or {})), fixed=["left"], **options), active or [])
 
 
-LAWS = {
+LAWS: dict[str, tuple[tf.Yeoh | tf.NeoHookean | tf.MooneyRivlin, Callable[[float], tuple[float, float]]]] = {
     "Yeoh": (tf.Yeoh(192.0, 90.0), lambda I1: (192.0 + 180.0 * (I1 - 3), 0.0)),
     "Yeoh of three terms": (tf.Yeoh(192.0, 90.0, c30=40.0), lambda I1: (192.0 + 180.0 * (I1 - 3) + 120.0 * (I1 - 3) ** 2, 0.0)),
     "neo-Hookean": (tf.NeoHookean(300.0), lambda I1: (300.0, 0.0)),
@@ -61,7 +61,7 @@ def test_laws_against_closed_forms(block: tf.TongueMesh, name: str, stretch: flo
 
     def cauchy(F: np.ndarray) -> np.ndarray:
         homogeneous(weak, F)
-        return stress_at(weak, weak.passive_stress(weak.u)) @ F.T
+        return np.asarray(stress_at(weak, weak.passive_stress(weak.u)) @ F.T)
 
     sigma = cauchy(np.diag([s, s**-0.5, s**-0.5]))
     W1, W2 = slopes(s**2 + 2 / s)
@@ -174,7 +174,7 @@ def test_isokinetic_bar(block: tf.TongueMesh, law: str, rate: float, factor: flo
 
 def assembled(form: fem.Form) -> np.ndarray:
     b = fem_petsc.assemble_vector(form)
-    values = b.array.copy()
+    values = np.array(b.array)
     b.destroy()
     return values
 
@@ -288,7 +288,7 @@ def test_pull_from_outside(block: tf.TongueMesh) -> None:
 @pytest.mark.parametrize(("stretch", "tension"), [(0.9, 0.0), (1.2, 0.05 * (np.exp(1.32) - 1)), (1.5, 0.05 * (1.66 * np.exp(2.64) - 1))])
 def test_passive_fibres(block: tf.TongueMesh, stretch: float, tension: float) -> None:
     """Blemker's passive curve, 0.05 (exp(6.6 (λ − 1)) − 1) to λ = 1.4, then its tangent, in fibres at rest too."""
-    options = {"force_velocity": "none", "tendon_length": 0.0}
+    options: dict[str, Any] = {"force_velocity": "none", "tendon_length": 0.0}
     weak = weak_form(
         with_fibres(block), [], tissue={"peak_stress": {"GGP": 3e3}}, contraction=tf.Contraction(passive_fibres=True, **options)
     )

@@ -31,7 +31,7 @@ def run_on_two(code: str, tmp_path: Path) -> subprocess.CompletedProcess[str]:
     script.write_text(HEAD + code)
     mpiexec = Path(sys.executable).with_name("mpiexec")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
-    command = [mpiexec, "-n", "2", sys.executable, script]
+    command = [str(mpiexec), "-n", "2", sys.executable, str(script)]
     return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=30, env=environment)
 
 

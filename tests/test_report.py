@@ -28,6 +28,7 @@ from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.report import motion as packing
 from tongue_fenicsx.report import write_report
+from tongue_fenicsx.report.page import Detail
 
 SCENARIO = """
 [mesh]
@@ -203,7 +204,7 @@ def test_a_large_page_shrinks_and_says_so(done: Path, tmp_path: Path, monkeypatc
     """Fewer moments and smaller pictures, until the page fits; if it never does, one sentence."""
     whole = write_report([done], tmp_path / "page.html").stat().st_size
     assert "To keep the page small" not in Page(tmp_path / "page.html").words
-    monkeypatch.setattr(report, "LEVELS", (*report.LEVELS[:1], report.Detail(3, 400)))
+    monkeypatch.setattr(report, "LEVELS", (*report.LEVELS[:1], Detail(3, 400)))
     monkeypatch.setattr(report, "LIMIT", whole - 1)
     page = Page(write_report([done], tmp_path / "page.html"))
     assert len(page.text.encode()) < whole

@@ -41,7 +41,7 @@ def test_rigid_and_in_equilibrium(block: tf.TongueMesh, scratch: Path, mixed: bo
     moved = corners + np.array([run.probes[name][-1] for name in PROBES])
 
     def distances(points: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(points[:, None] - points, axis=2)
+        return np.asarray(np.linalg.norm(points[:, None] - points, axis=2))
 
     np.testing.assert_allclose(distances(moved), distances(corners), rtol=0, atol=1e-12)
     mean = (moved - corners).mean(axis=0)

@@ -35,7 +35,7 @@ class Thing:
 
 def test_one_definition_for_python_and_files() -> None:
     """A field is refused with one sentence; lengths are found by their type, and defaults are not scaled."""
-    assert Thing(1, np.zeros(3)).where == (0.0, 0.0, 0.0)
+    assert Thing(1, np.zeros(3)).where == (0.0, 0.0, 0.0)  # type: ignore[arg-type]
     for wrong, sentence in (
         ({"long": -1.0}, r"thing\.long: -1\.0 m; a positive length is expected\."),
         ({"where": (0, 0, 0, 1)}, r"thing\.where: \(0, 0, 0, 1\); three numbers are expected\."),
@@ -67,7 +67,7 @@ def test_fingerprints_tell_values_apart(value: Any, other: Any) -> None:
 
 def test_fingerprint_does_not_depend_on_the_object() -> None:
     """Made twice, in other words, a value is the same; where its numbers come from does not matter."""
-    assert fingerprint(tf.Plane([0, 0, 0], np.array([0, 0, 1]))) == fingerprint(tf.Plane((0.0, 0.0, 0.0), (0, 0, 1)))
+    assert fingerprint(tf.Plane([0, 0, 0], np.array([0, 0, 1]))) == fingerprint(tf.Plane((0.0, 0.0, 0.0), (0, 0, 1)))  # type: ignore[arg-type]
     assert fingerprint(replace(tf.Tissue.calka(), source="elsewhere")) == fingerprint(tf.Tissue.calka())
     with pytest.raises(tf.InputError, match="object has no fingerprint; a dataclass, or a property `fingerprint`, is expected"):
         fingerprint(object())
