@@ -1,6 +1,8 @@
 # make demo   build the coarse tongue, move it, leave pictures in runs/ggp/figures
-# make test   lint, types, tests (part of them also on two ranks)
+# make check  lint, types and the quick tests, for between two commits: a minute or two
+# make test   lint, types, tests (part of them also on two ranks) and how much of the code they reach
 # make bench  what the solver costs, in minutes, against the committed numbers; make bench-full at the chapter's size, an hour
+# make rooms  draw into docs/architecture.md which room imports which
 # They need Python >= 3.12, a C compiler and make; everything else goes into .venv/
 
 VENV := .venv
@@ -9,15 +11,21 @@ PYTHON ?= $(shell for p in python3.13 python3.14 python3.12 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 12))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test bench bench-full lint clean
+.PHONY: demo check test bench bench-full lint rooms clean
 
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
 	$(BIN)/tongue run demos/ggp.toml -o runs/ggp
 	@echo "Look at runs/ggp/figures/*.png; open runs/ggp/fields.xdmf in ParaView."
 
+QUICK := activation documents engine kinematics seams timestep tissue values
+
+check: $(VENV)/ready lint
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" $(QUICK:%=tests/test_%.py)
+
 test: $(VENV)/ready lint
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
+	$(BIN)/coverage report --format=total
 	$(BIN)/mpiexec -n 2 $(BIN)/python -m pytest -m parallel -p no:cacheprovider </dev/null
 
 bench: $(VENV)/ready
@@ -31,6 +39,9 @@ lint: $(VENV)/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+rooms: $(VENV)/ready
+	$(BIN)/python docs/draw_rooms.py
 
 $(VENV)/ready: pyproject.toml constraints.txt
 ifeq ($(PYTHON),)

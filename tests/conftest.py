@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import gmsh
 import numpy as np
 import pytest
+from filelock import FileLock
 
 import tongue_fenicsx as tf  # before mpi4py
 from tongue_fenicsx.core.parallel import on_rank_zero
@@ -110,10 +112,21 @@ def block(workspace: Path) -> tf.TongueMesh:
 
 
 @pytest.fixture(scope="session")
-def tongue_file(workspace: Path) -> Path:
-    """The parametric tongue at 8 mm, some 1 700 tetrahedra."""
+def tongue_file(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The parametric tongue at 8 mm, some 1 700 tetrahedra; built by one of pytest's workers and copied by the others."""
     path = workspace / "tongue.msh"
-    on_rank_zero(MPI.COMM_WORLD, lambda: meshing.build(tf.parametric_tongue(), path, 8e-3))
+
+    def take() -> None:
+        base = tmp_path_factory.getbasetemp()
+        built = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "built" / path.name
+        with FileLock(f"{built.parent}.lock"):
+            if not built.parent.is_dir():
+                built.parent.mkdir()
+                meshing.build(tf.parametric_tongue(), built, 8e-3)
+        for file in built.parent.iterdir():
+            shutil.copy(file, workspace)
+
+    on_rank_zero(MPI.COMM_WORLD, take)
     return path
 
 

@@ -8,9 +8,11 @@ import re
 import runpy
 import shlex
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from copy import copy
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.main import get_command
@@ -18,6 +20,8 @@ from typer.main import get_command
 import tongue_fenicsx as tf
 from tongue_fenicsx.cli.app import app, main
 from tongue_fenicsx.scenario.files import load
+from tongue_fenicsx.simulation import quantities
+from tongue_fenicsx.studies.anatomy_statements import STATEMENTS
 
 HOUSE = Path(__file__).parents[1]
 DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("meshes/*.md")])
@@ -51,18 +55,35 @@ def commands(pattern: str) -> list[object]:
 
 
 @pytest.fixture
-def shorten(tongue: tf.TongueMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Let every tongue be the one at 8 mm that the tests share, every run end at a time in s, and files go to a scratch folder."""
+def _in_scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where files may be left."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def shorten(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Let every tongue be the one at 8 mm that the tests share and every run end at a time in s."""
 
     def shorten(end: float) -> None:
-        run = tf.Simulation.run
-        monkeypatch.chdir(tmp_path)
+        run, tongue = tf.Simulation.run, request.getfixturevalue("tongue")
         monkeypatch.setattr(tf.Anatomy, "mesh", lambda self, size: tongue)
         monkeypatch.setattr(tf.Simulation, "run", lambda *a, t_end, **k: run(*a, t_end=min(t_end, end), **k))
 
     return shorten
 
 
+@pytest.fixture
+def _registrations_end() -> Iterator[None]:
+    """Forget what a document registers."""
+    tables: list[Any] = [quantities.FIELDS, *STATEMENTS.values(), app.registered_commands]
+    before = [copy(table) for table in tables]
+    yield
+    for table, kept in zip(tables, before, strict=True):
+        table.clear()
+        (table.update if isinstance(table, dict) else table.extend)(kept)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SCENARIOS, ids=name_of)
 def test_scenarios_fit_their_meshes(path: Path, tongue_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """``tongue check``, with the small tongue where the scenario has one."""
@@ -74,6 +95,8 @@ def test_scenarios_fit_their_meshes(path: Path, tongue_file: Path, capsys: pytes
     assert (leaving.value.code, capsys.readouterr().err) == (0, "")
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("_in_scratch")
 def test_ggp_from_python(shorten: Callable[[float], None]) -> None:
     """The demo at 8 mm until the muscle is fully active; it checks its own number."""
     shorten(0.1)
@@ -88,9 +111,14 @@ def test_beam_of_heart_muscle() -> None:
 
 
 @pytest.mark.parametrize("block", blocks("python"))
+@pytest.mark.usefixtures("_in_scratch", "_registrations_end")
 def test_python_of_documents(block: str, shorten: Callable[[float], None]) -> None:
-    """It runs as it stands."""
-    shorten(0.01)
+    """It runs as it stands, where the demos are, with tongues at 8 mm to 10 ms at most, and is of 30 lines at most."""
+    if "parametric_tongue" in block:
+        shorten(0.01)
+    else:
+        Path("demos").symlink_to(HOUSE / "demos")
+    assert block.count("\n") <= 30
     exec(compile(block, "document", "exec"), {"__name__": "__main__"})
 
 
@@ -129,6 +157,17 @@ def test_make_of_documents() -> None:
     named = {target for path in DOCUMENTS for target in re.findall(r"(?:^    |`)make ([a-z-]+)", path.read_text("utf-8"), re.MULTILINE)}
     declared = re.findall(r"^([a-z-]+):", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE)
     assert {"demo", "test"} <= named <= set(declared)
+
+
+def test_picture_of_the_rooms() -> None:
+    """It is that of the code (``make rooms``), the rooms in words are those of the contract, in the same order, and so is the map."""
+    drawing = runpy.run_path(str(HOUSE / "docs" / "draw_rooms.py"))
+    text = (HOUSE / "docs" / "architecture.md").read_text("utf-8")
+    assert drawing["page"]() == text
+    (contract,) = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    assert " < ".join(reversed(contract["layers"])) in " ".join(text.split())
+    rooms = re.findall(r"^\| (`.*?) \|", (HOUSE / "CONTRIBUTING.md").read_text("utf-8"), re.MULTILINE)
+    assert set(re.findall(r"\w+", " ".join(rooms))) == set(contract["layers"])
 
 
 def test_one_version() -> None:
