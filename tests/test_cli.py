@@ -175,7 +175,7 @@ def test_foreign_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The whole command leaves the whole run folder; a folder in the way is refused before anything starts."""
     code, text = tongue(capsys, "check", scenario)
-    assert (code, f"GGP_L: 0 ms: 0, 100 ms: 1, at most {CALKA_STRESS['GGP'] / 1e3:g} kPa" in text) == (0, True), text
+    assert (code, f"GGP: 0 ms: 0, 100 ms: 1, at most {CALKA_STRESS['GGP'] / 1e3:g} kPa" in text) == (0, True), text
     folder = tmp_path / "run"
     code, text = tongue(capsys, "run", scenario, "-o", folder, "--set", "time.step=0.005")
     assert code == 0, text

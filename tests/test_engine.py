@@ -144,3 +144,12 @@ def test_resume_needs_a_folder(block: tf.TongueMesh) -> None:
     """There is nothing in memory to go on from."""
     with pytest.raises(tf.InputError, match="give output"):
         tf.Simulation(bar(block), probes={}).run({}, t_end=0.01, resume=True)
+
+
+@pytest.mark.parametrize("pieces", [[(1.0, 1.0, 1.0)], [(1e-6, 0.0, 1.0), (1.0, 1.0, 1.0)]])
+def test_activation_jumps(block: tf.TongueMesh, pieces: list[tuple[float, float, float]]) -> None:
+    """From 0 to 1 at once or within a microsecond, in the softest tissue: no step is cut, and both are one jump."""
+    model = bar(block, tissue=replace(tf.Tissue.calka(), peak_stress={"GGP": 5e3}))
+    run = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT).run({"GGP": tf.Activation(pieces)}, t_end=0.02)
+    assert (run.summary["status"], run.summary["n_rejected"], run.summary["n_steps"]) == ("done", 0, 4)
+    assert run.probes["end"][-1, 0] < -1e-3
