@@ -61,7 +61,7 @@ BAD = [
     (["time.quasi_static=1"], "time.quasi_static: 1; true or false is expected"),
     (["tissue.law='rubber'"], "tissue.law: 'rubber'; one of yeoh, neo_hookean, mooney_rivlin is expected"),
     (["tissue.law='neo_hookean'", "tissue.c20=9.0"], "c20 is no number of the law neo_hookean; it has c10, nu, volumetric"),
-    (["output.fields=['stress']"], "output.fields: 'stress' is not one of displacement, velocity"),
+    (["output.fields=['stress']"], "output.fields.0: 'stress'; one of displacement, velocity"),
     (["activation.GGP.table='nowhere.csv'"], "either pieces or table is expected"),
     (["activation.HG.table='nowhere.csv'"], "nowhere.csv: the file does not exist"),
     (["excitation.rise=0.0"], "excitation.rise: 0.0 s; a number from 0.0001 to 1 s is expected"),
