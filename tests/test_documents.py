@@ -10,6 +10,7 @@ import shlex
 import tomllib
 from collections.abc import Callable, Iterator
 from copy import copy
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -175,3 +176,19 @@ def test_one_version() -> None:
     number = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     assert tf.__version__ == version("tongue_fenicsx") == number
     assert f"\nversion: {number}\n" in (HOUSE / "CITATION.cff").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "room", ["core", "geometry", "anatomy", "mechanics", "forms", "solvers", "runs", "simulation", "analysis", "scenario", "studies"]
+)
+def test_a_room_lists_its_modules(room: str) -> None:
+    """So tab completion shows them, and the list is whole."""
+    folder = HOUSE / "tongue_fenicsx" / room
+    modules = {path.stem for path in folder.glob("[!_]*.py")} | {path.parent.name for path in folder.glob("*/__init__.py")}
+    assert set(import_module(f"tongue_fenicsx.{room}").__all__) == modules
+
+
+def test_the_root_lists_what_a_user_needs() -> None:
+    """Every public name loads and is completed."""
+    assert {"Model", "Simulation", "Tissue", "field", "parametric_tongue"} <= set(dir(tf))
+    assert all(getattr(tf, name) is not None for name in dir(tf))

@@ -36,6 +36,7 @@ class ProgressBar:
         self._bar.stop()
 
     def __call__(self, p: StepReport) -> None:
+        """Show where a run is."""
         text = f"t {1e3 * p.t:.1f} of {1e3 * p.t_end:.0f} ms, step {p.step} ({1e3 * p.h:.2g} ms), {p.newton} Newton, {p.krylov} {p.rung}"
         self._bar.update(self._task, description=text, completed=p.t, total=p.t_end)
         tenth = int(10 * p.t / p.t_end + 1e-9)

@@ -1,1 +1,4 @@
 # SPDX-License-Identifier: MIT
+"""What every room needs: errors, ranks, values that check themselves, fingerprints."""
+
+__all__ = ["errors", "fingerprint", "interruption", "memory", "parallel", "pieces", "tables", "types", "values", "versions"]

@@ -1,1 +1,16 @@
 # SPDX-License-Identifier: MIT
+"""The weak form of a model in UFL, its compilation and assembly."""
+
+__all__ = [
+    "assembly",
+    "contact_measures",
+    "contact_terms",
+    "fibre_slots",
+    "jit",
+    "load_terms",
+    "nodal_forces",
+    "passive_terms",
+    "quadrature",
+    "supports",
+    "weak_form",
+]

@@ -1,1 +1,20 @@
 # SPDX-License-Identifier: MIT
+"""The time loop: engine, steps, energies, and the quantities that a run leaves."""
+
+__all__ = [
+    "energy",
+    "engine",
+    "fields",
+    "loop",
+    "probes",
+    "quadrature_points",
+    "quantities",
+    "records",
+    "simulation",
+    "snapshot",
+    "step_control",
+    "stepping",
+    "strain",
+    "summary",
+    "totals",
+]

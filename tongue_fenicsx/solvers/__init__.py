@@ -1,1 +1,14 @@
 # SPDX-License-Identifier: MIT
+"""Time integration, Newton's method and linear solvers."""
+
+__all__ = [
+    "equations",
+    "initial_acceleration",
+    "line_search",
+    "linear",
+    "newton",
+    "options",
+    "rigid_bodies",
+    "time_integration",
+    "tolerances",
+]

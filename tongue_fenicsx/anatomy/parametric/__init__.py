@@ -1,1 +1,4 @@
 # SPDX-License-Identifier: MIT
+"""The built-in tongue."""
+
+__all__ = ["bones", "profile", "size", "tongue"]
