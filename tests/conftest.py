@@ -16,9 +16,6 @@ from filelock import FileLock
 
 import tongue_fenicsx as tf  # before mpi4py
 from tongue_fenicsx.core.parallel import on_rank_zero
-from tongue_fenicsx.core.types import Floats, Ints
-from tongue_fenicsx.geometry.obstacles import Triangulated
-from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.meshing import build as meshing
 
 from mpi4py import MPI  # isort: skip
@@ -134,23 +131,6 @@ def tongue_file(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 def tongue(tongue_file: Path) -> tf.TongueMesh:
     """The same, read."""
     return tf.TongueMesh.read(tongue_file)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _obstacles_once() -> Iterator[None]:
-    """Sample the signed distance of the same surface only once, which takes seconds for each bone."""
-    sample = Triangulated._sample
-    known: dict[tuple[bytes, bytes, float, float], Floats] = {}
-
-    def sample_once(self: Triangulated, surface: Surface, shape: Ints) -> Floats:
-        key = (surface.points.tobytes(), surface.triangles.tobytes(), self.spacing, self.band)
-        if key not in known:
-            known[key] = sample(self, surface, shape)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Triangulated, "_sample", sample_once)
-        yield
 
 
 @pytest.fixture(autouse=True)

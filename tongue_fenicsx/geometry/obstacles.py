@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.types import Floats, Ints
+from ..core.types import Floats
 from ..core.values import Direction, Flag, Length, Point, checked
 from .surface import Surface
 
@@ -179,35 +180,13 @@ class Triangulated:
         if not (0 < 4 * spacing <= band < np.inf):
             raise InputError(f"obstacle: spacing {spacing} m and band {band} m; a positive spacing and at least 4 of it are expected.")
         self.surface, self.spacing, self.band = surface, spacing, band
-        low, high = surface.points.min(axis=0), surface.points.max(axis=0)
-        shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
-        self._origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
-        self._values = self._sample(_simplify(surface, spacing), shape)
-        from scipy import ndimage
-
-        self._coefficients = ndimage.spline_filter(self._values, order=3)
+        points, triangles = surface.points.astype(float), surface.triangles.astype(np.int64)
+        self._origin, self._values, self._coefficients = _sample(points.tobytes(), triangles.tobytes(), spacing, band)
 
     @property
     def fingerprint(self) -> list[Any]:
         """What makes the distance: the faces and the grid."""
         return [self.surface.points, self.surface.triangles, self.spacing, self.band]
-
-    def _sample(self, surface: Surface, shape: Ints) -> Floats:
-        """The signed distance at all nodes of the grid, clamped to ± one band."""
-        from scipy import ndimage
-
-        dense = surface.to_pyvista().subdivide_adaptive(max_edge_len=self.spacing, max_n_passes=20).points
-        away = np.ones(shape, dtype=bool)
-        away[tuple(np.rint((dense - self._origin) / self.spacing).astype(np.int64).T)] = False
-        near = np.flatnonzero(ndimage.distance_transform_edt(away) * self.spacing < self.band + 2 * self.spacing)
-        values = np.full(away.size, np.inf)
-        values[near] = _beside_rim(surface, self._origin + self.spacing * np.column_stack(np.unravel_index(near, shape)))
-        values = values.reshape(shape)
-        far = ~(abs(values) < self.band)
-        parts, n_parts = ndimage.label(far)
-        around = ndimage.maximum_filter(np.where(far, -np.inf, values), size=3)
-        free = np.asarray(ndimage.maximum(around, parts, np.arange(n_parts + 1))) >= 0
-        return np.asarray(np.where(far, np.where(free[parts], self.band, -self.band), values))
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """See `Obstacle.evaluate`."""
@@ -241,6 +220,32 @@ class Triangulated:
         D = D @ weights[:, None, 2].swapaxes(2, 3)
         D = weights[:, None, 1] @ D
         return np.asarray(weights[:, 0] @ D.reshape(-1, 4, 9)).reshape(-1, 3, 3, 3)
+
+
+@lru_cache(maxsize=16)
+def _sample(points: bytes, triangles: bytes, spacing: float, band: float) -> tuple[Floats, Floats, Floats]:
+    """Origin (3,) of the grid, signed distance at its nodes, clamped to ± one band, and the spline's coefficients, of double points and
+    long triangles; kept, as it takes seconds for a bone and a study meets the same bones in each of its runs."""
+    from scipy import ndimage
+
+    surface = Surface(np.frombuffer(points).reshape(-1, 3), np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3))
+    low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+    shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
+    origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
+    surface = _simplify(surface, spacing)
+    dense = surface.to_pyvista().subdivide_adaptive(max_edge_len=spacing, max_n_passes=20).points
+    away = np.ones(shape, dtype=bool)
+    away[tuple(np.rint((dense - origin) / spacing).astype(np.int64).T)] = False
+    near = np.flatnonzero(ndimage.distance_transform_edt(away) * spacing < band + 2 * spacing)
+    values = np.full(away.size, np.inf)
+    values[near] = _beside_rim(surface, origin + spacing * np.column_stack(np.unravel_index(near, shape)))
+    values = values.reshape(shape)
+    far = ~(abs(values) < band)
+    parts, n_parts = ndimage.label(far)
+    around = ndimage.maximum_filter(np.where(far, -np.inf, values), size=3)
+    free = np.asarray(ndimage.maximum(around, parts, np.arange(n_parts + 1))) >= 0
+    values = np.where(far, np.where(free[parts], band, -band), values)
+    return origin, values, np.asarray(ndimage.spline_filter(values, order=3))
 
 
 def _blunt(hessian: Floats, limit: float) -> Floats:
