@@ -42,7 +42,8 @@ def test_runs_again_as_if_for_the_first_time(block: tf.TongueMesh) -> None:
     simulation.close()
 
 
-def test_nothing_is_built_again(block: tf.TongueMesh, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mixed", [False, True])
+def test_nothing_is_built_again(block: tf.TongueMesh, monkeypatch: pytest.MonkeyPatch, mixed: bool) -> None:
     """Other activations and other numbers use the same engine, and give what a fresh simulation gives."""
     built = []
     right = Engine.__init__
@@ -52,15 +53,17 @@ def test_nothing_is_built_again(block: tf.TongueMesh, monkeypatch: pytest.Monkey
         right(self, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Engine, "__init__", count)
-    simulation = tf.Simulation(bar(block), probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT)
+    simulation = tf.Simulation(bar(block, mixed=mixed), probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT)
     for level in (0.2, 0.4):
         simulation.run({"GGP": tf.ramp(0.01, 0.1, level)}, t_end=0.01)
     tissue = replace(LIVING, law=tf.Yeoh(500.0, 200.0, 0.45), density=900.0, damping=tf.Rayleigh(10.0, 0.01), peak_stress={"GGP": 3e3})
     simulation.model = replace(simulation.model, tissue=tissue)
     reused = simulation.run({"GGP": tf.ramp(0.01, 0.1)}, t_end=0.01)
     assert len(built) == 1
-    fresh = tf.Simulation(bar(block, tissue=tissue), probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT)
-    assert np.allclose(fresh.run({"GGP": tf.ramp(0.01, 0.1)}, t_end=0.01).probes["end"], reused.probes["end"], rtol=1e-12, atol=1e-15)
+    fresh = tf.Simulation(bar(block, tissue=tissue, mixed=mixed), probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT)
+    new = fresh.run({"GGP": tf.ramp(0.01, 0.1)}, t_end=0.01)
+    assert np.allclose(new.probes["end"], reused.probes["end"], rtol=1e-12, atol=1e-15)
+    assert new.summary["newton_iterations"] == reused.summary["newton_iterations"]
 
 
 def test_what_does_not_fit_is_built_again(block: tf.TongueMesh) -> None:

@@ -66,6 +66,7 @@ class Engine:
         fits = self.weak.fits(model, muscles)
         if fits:
             self.weak.renew(model, muscles)
+            self._newton.renew()
         return fits
 
     @property

@@ -74,6 +74,13 @@ class LinearSolvers:
                 pc.getMGCoarseSolve().setOperators(self._galerkin.coarse)  # or they would keep what they made of the last one
                 pc.getMGSmoother(1).setOperators(self._A)
 
+    def renew(self) -> None:
+        """Follow a change of the tissue's numbers."""
+        if self._pressure_matrix is not None:
+            self._pressure_matrix.zeroEntries()
+            fem_petsc.assemble_matrix(self._pressure_matrix, self._pressure_form)
+            self._pressure_matrix.assemble()
+
     def forget(self, rung: str) -> None:
         """Make a solver anew when it is next asked for: one whose set-up failed would remember the failure."""
         self._made.pop(rung).destroy()
@@ -111,7 +118,8 @@ class LinearSolvers:
         first, last = self._A.getOwnershipRange()
         n_u = 3 * self._weak.V.dofmap.index_map.size_local
         parts = [PETSc.IS().createStride(n, at, comm=ksp.getComm()) for n, at in ((n_u, first), (last - first - n_u, first + n_u))]
-        self._pressure_matrix = fem_petsc.assemble_matrix(self._weak.compile(self._weak.pressure_weight()))
+        self._pressure_form = self._weak.compile(self._weak.pressure_weight())
+        self._pressure_matrix = fem_petsc.assemble_matrix(self._pressure_form)
         self._pressure_matrix.assemble()
         pc.setType("fieldsplit")
         pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)

@@ -108,6 +108,10 @@ class Newton:
         """Unknowns, fixed ones included."""
         return int(self._x.getSize())
 
+    def renew(self) -> None:
+        """Follow a change of the model's numbers."""
+        self._linear.renew()
+
     def solve(self) -> Outcome:
         """Solve from the present unknowns, which then are the solution or, if no rung converged, the last iterate."""
         newton = self._linear.iterations = 0
