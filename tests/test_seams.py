@@ -16,6 +16,8 @@ from scipy.optimize import brentq
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.types import Expr, Floats
+from tongue_fenicsx.geometry.obstacles import Plane
+from tongue_fenicsx.mechanics.contact import Contact, Touch
 from tongue_fenicsx.mechanics.kinematics import Kinematics
 from tongue_fenicsx.scenario.build import simulation_of
 from tongue_fenicsx.scenario.files import load
@@ -72,6 +74,13 @@ def test_a_law_of_ones_own_sees_fibres(block: tf.TongueMesh) -> None:
     assert along > 2 * across
     assert across == pytest.approx(without, rel=0.5)
     assert curved == pytest.approx(along, rel=1e-9)
+
+
+@pytest.mark.parametrize("fibre", [(0.0, 0, 0), (1.0, 0, np.nan), lambda X: np.where(X[:, :1] < 5e-3, 0.0, X), lambda X: X[0]])
+def test_a_fibre_without_direction(block: tf.TongueMesh, fibre: object) -> None:
+    """It is said before anything is solved."""
+    with pytest.raises(tf.InputError, match=r"model\.fibre: a direction"):
+        stretched(Fibrous(500.0, 2000.0), fibre, block)
 
 
 def halves() -> tf.TongueMesh:
@@ -169,17 +178,22 @@ def test_call_back_sees_the_state(block: tf.TongueMesh) -> None:
     """Time, fields by name and probes; not when the state is past."""
     states: list[Snapshot] = []
     depths: list[float] = []
+    touched: list[tuple[dict[str, Touch], float]] = []
 
     def look(now: Snapshot) -> None:
         states.append(now)
+        touched.append((now.touches, float(now.touches["floor"].force[2])))
         depths.append(float(now.field("jacobian").min()))
         assert now.field("displacement").shape[1] == 3
         assert now.probes["end"].shape == (3,)
 
-    simulation = tf.Simulation(muscle(block), probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT)
-    run = simulation.run({}, t_end=0.02, after_step=look)
+    floor = Contact(Plane((0, 0, 0), (0, 0, 1)), motion=tf.RigidMotion(translation=[(0.05, (0, 0, 0), (0, 0, 2e-3))]))
+    model = replace(muscle(block), contacts={"floor": floor})
+    run = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=SHORT).run({}, t_end=0.02, after_step=look)
     assert [now.t for now in states] == pytest.approx(run.time[1:])
     assert len(set(depths)) == len(depths)
+    assert len({force for _, force in touched}) == len(touched)
+    assert all(now.touches is kept and kept["floor"].force[2] == force for now, (kept, force) in zip(states, touched, strict=True))
     with pytest.raises(tf.InputError, match="is past"):
         states[0].field("cauchy")
     with pytest.raises(tf.InputError, match="'depth' is not one of displacement"):

@@ -3,15 +3,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from ..core.types import Expr
+from ..core.types import Expr, Floats
 from ..mechanics.contact import Touch
 from .assembly import assemble
 from .weak_form import WeakForm
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """What contact does in one state: `touches` by obstacle, `forces` (owned nodes, 3) in N, `pressure` (owned cells,) in Pa."""
+
+    touches: dict[str, Touch]
+    forces: Floats
+    pressure: Floats
 
 
 class ContactMeasures:
@@ -43,20 +54,20 @@ class ContactMeasures:
             forms = (pressure * ufl.dot(term.normal, w) * ds, pressure * q * ds, touched * q * ds)
             self._forms[name] = [weak.compile(form) for form in forms]
 
-    def evaluate(self) -> None:
-        """Read the present state: `touches` by obstacle, `forces` (owned nodes, 3) in N, `pressure` (owned cells,) in Pa."""
+    def evaluate(self) -> ContactState:
+        """The present state."""
         V = self._weak.V
-        self.forces = np.zeros((V.dofmap.index_map.size_local, 3))
-        self.pressure = np.zeros(V.mesh.topology.index_map(3).size_local)
-        self.touches: dict[str, Touch] = {}
+        total = np.zeros((V.dofmap.index_map.size_local, 3))
+        pressures = np.zeros(V.mesh.topology.index_map(3).size_local)
+        touches: dict[str, Touch] = {}
         for name, (force_form, load_form, area_form) in self._forms.items():
-            forces = assemble(force_form)[: self.forces.size].reshape(-1, 3)
-            load, area = (assemble(form)[: len(self.pressure)] for form in (load_form, area_form))
+            forces = assemble(force_form)[: total.size].reshape(-1, 3)
+            load, area = (assemble(form)[: len(pressures)] for form in (load_form, area_form))
             pressure = np.divide(load, area, out=np.zeros_like(load), where=area > 0)
-            self.forces += forces
-            self.pressure += pressure
+            total += forces
+            pressures += pressure
             term = self._weak.contacts.terms[name]
-            self.touches[name] = Touch(
+            touches[name] = Touch(
                 np.asarray(self._comm.allreduce(forces.sum(axis=0))),
                 float(self._comm.allreduce(float(area.sum()))),
                 float(self._comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)),
@@ -64,3 +75,4 @@ class ContactMeasures:
                 term.placed.rotation,
                 term.placed.offset,
             )
+        return ContactState(touches, total, pressures)

@@ -10,9 +10,11 @@ import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from ..anatomy.catalogue import peak_stress
+from ..core.errors import InputError
 from ..core.types import Expr, Floats
 from ..geometry.tetrahedron import volumes
 from ..mechanics.hyperelasticity import bulk_modulus
@@ -304,7 +306,13 @@ def _carried(model: Model, active: Sequence[str]) -> dict[str, MuscleCells]:
 
 
 def _fibre_field(model: Model, places: Places) -> Expr | None:
-    """The unit fibre direction that passive laws see; None without any."""
+    """The unit fibre direction that passive laws see; None without any.
+
+    Raises
+    ------
+    InputError
+        If there is no direction somewhere.
+    """
     if model.fibre is None:
         return None
     mesh = model.tongue.mesh
@@ -313,7 +321,10 @@ def _fibre_field(model: Model, places: Places) -> Expr | None:
     at = np.einsum("qv,cvd->cqd", vertex, mesh.geometry.x[mesh.geometry.dofmaps[0]])
     points = at.reshape(-1, 3)
     direction = np.asarray(model.fibre(points) if callable(model.fibre) else np.broadcast_to(model.fibre, points.shape), dtype=float)
-    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    length = np.linalg.norm(direction, axis=1, keepdims=True) if direction.shape == points.shape else np.zeros(1)
+    if mesh.comm.allreduce(not (np.isfinite(length) & (length > 0)).all(), op=MPI.LOR):
+        raise InputError("model.fibre: a direction, three finite numbers that are not all zero, is expected at every point.")
+    direction = direction / length
     field.x.array.reshape(-1, 3)[field.function_space.dofmap.list] = direction.reshape(at.shape)
     return field
 

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from ..core.errors import InputError
 from ..core.types import Expr, Floats
-from ..forms.contact_measures import ContactMeasures
+from ..forms.contact_measures import ContactMeasures, ContactState
 from ..mechanics.contact import Touch
 from ..solvers.equations import Equations
 from . import strain
@@ -166,10 +166,9 @@ class Snapshot:
         }
 
     @cached_property
-    def contact(self) -> ContactMeasures:
+    def contact(self) -> ContactState:
         """Forces and pressures of contact."""
-        self._live.contact.evaluate()
-        return self._sensors.contact
+        return self._live.contact.evaluate()
 
     @property
     def touches(self) -> dict[str, Touch]:

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from ..core.errors import SolveError
 from ..core.types import Floats
-from ..forms.contact_measures import ContactMeasures
+from ..forms.contact_measures import ContactMeasures, ContactState
 from ..forms.weak_form import WeakForm
 from ..geometry.obstacles import Moved, Obstacle, Plane, Sphere, Triangulated
 from ..geometry.rigid_motion import RigidMotion
@@ -63,7 +63,7 @@ def _place(weak: WeakForm, name: str, offset: tuple[float, float, float]) -> Non
     weak.contacts.update()
 
 
-def _equilibrium(weak: WeakForm) -> ContactMeasures:
+def _equilibrium(weak: WeakForm) -> ContactState:
     """Solve for the state at rest, and measure its contact."""
     newton = Newton(Equations(weak, QuasiStatic(weak.u)), Tolerances(rtol=1e-11, atol=1e-15, linear=1e-8, max_newton=40), lambda line: None)
     converged = newton.solve().converged
@@ -72,9 +72,7 @@ def _equilibrium(weak: WeakForm) -> ContactMeasures:
     if not converged:
         raise SolveError("the block in contact did not converge.")
     newton.destroy()
-    measures = ContactMeasures(weak, fem.Function(weak.V))
-    measures.evaluate()
-    return measures
+    return ContactMeasures(weak, fem.Function(weak.V)).evaluate()
 
 
 def pressed() -> Iterator[Row]:
@@ -86,11 +84,11 @@ def pressed() -> Iterator[Row]:
         weak.bcs[:] = [roller(weak, axis) for axis in range(3)]
         homogeneous(weak, np.diag([1.04, 1.04, 0.91]))  # a guess
         _place(weak, "lid", (0.0, 0.0, (stretch - 1) * size))
-        measures = _equilibrium(weak)
+        state = _equilibrium(weak)
         side = brentq(lambda s: closed_form(np.diag([s, s, stretch]))[0, 0], 1.0, 1.2)
         expected = -closed_form(np.diag([side, side, stretch]))[2, 2] * size**2
-        touch = measures.touches["lid"]
-        spread = measures.pressure[measures.pressure > 0] / (expected / (size * side) ** 2) - 1
+        touch = state.touches["lid"]
+        spread = state.pressure[state.pressure > 0] / (expected / (size * side) ** 2) - 1
         error = max(abs(-touch.force[2] / expected - 1), float(abs(spread).max(initial=0.0)), abs(touch.area / (size * side) ** 2 - 1))
         error = weak.V.mesh.comm.allreduce(float(error), op=MPI.MAX)
         yield Row(f"block pressed flat, Nitsche, θ = {theta}", "uniform pressure, closed form", error, 1e-8)
