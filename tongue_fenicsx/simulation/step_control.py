@@ -20,6 +20,10 @@ EASY = 6
 """Newton iterations up to which the next step may be longer."""
 
 
+AT_ONCE = 1e-5
+"""Time in s within which a kink is no milestone of its own: a step that short would turn a jump into a blow."""
+
+
 class StepControl:
     """Chooses the steps of a run.
 
@@ -40,11 +44,11 @@ class StepControl:
         self.step, self.largest = step or stepping.step_max, largest
         self._excess = 0.0
         every = stepping.output_every
-        self._milestones = [0.0]
-        outputs = {round(time, 12) for time in (*(every * i for i in range(1, int(t_end / every) + 1)), t_end)}
-        for time in sorted(outputs | {round(time, 12) for time in kinks if 0 < time <= t_end}):
-            if time in outputs or time - self._milestones[-1] > stepping.step_min:  # a jump takes place within one step
-                self._milestones.append(time)
+        self._milestones = [0.0, *(round(every * i, 12) for i in range(1, int(t_end / every) + 1)), round(t_end, 12)]
+        for kink in sorted(kinks):
+            if 0 < kink < t_end and min(abs(kink - time) for time in self._milestones) > AT_ONCE:
+                self._milestones.append(round(kink, 12))
+        self._milestones = sorted(set(self._milestones))
 
     def next_time(self, t: float) -> tuple[float, float]:
         """The end of the step from `t`, and the milestone that it leads to, in s."""
