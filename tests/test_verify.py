@@ -16,6 +16,7 @@ from tongue_fenicsx.forms import weak_form
 from tongue_fenicsx.geometry import obstacles
 from tongue_fenicsx.mechanics import contraction as active
 from tongue_fenicsx.mechanics import hyperelasticity as passive
+from tongue_fenicsx.mechanics import loads
 from tongue_fenicsx.simulation import energy as measures
 from tongue_fenicsx.solvers import time_integration as timestep
 from tongue_fenicsx.verification import CASES, Row, calculix, motion
@@ -108,6 +109,11 @@ def _heavier(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(weak_form.WeakForm, "load", wrong)
 
 
+def _less_pressure(patch: pytest.MonkeyPatch) -> None:
+    right = loads.Pressure.at
+    patch.setattr(loads.Pressure, "at", lambda self, t: 0.95 * right(self, t))
+
+
 def _larger_ball(patch: pytest.MonkeyPatch) -> None:
     right = obstacles.Triangulated.evaluate
 
@@ -148,6 +154,7 @@ def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
         ("incline", _heavier, 1),
         ("incline", _wrong_energy, 1),
         ("triangles", _larger_ball, 1),
+        ("land", _less_pressure, 1),
         pytest.param("calculix", _stiffer, 2, marks=needs_calculix),
     ],
 )
