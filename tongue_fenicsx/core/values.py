@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
@@ -24,7 +25,7 @@ from .errors import InputError
 
 
 @dataclass(frozen=True)
-class Accepts:
+class Accepts(ABC):
     """What a field accepts, as metadata of its type.
 
     Attributes
@@ -39,13 +40,13 @@ class Accepts:
     label: str = ""
 
     @property
+    @abstractmethod
     def expected(self) -> str:
         """How a sentence ends that refuses a value."""
-        raise NotImplementedError
 
+    @abstractmethod
     def take(self, value: Any) -> Any:
         """The value as it is kept; None if it is not accepted."""
-        raise NotImplementedError
 
     def check(self, value: Any) -> Any:
         """The value as it is kept.

@@ -42,7 +42,7 @@ class Checkpoint:
     """
 
     identity: Mapping[str, str]
-    numbers: Mapping[str, Any]
+    numbers: dict[str, Any]
     arrays: Mapping[str, Floats]
     progress: Mapping[str, Any]
     times: list[float]

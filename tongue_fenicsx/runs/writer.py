@@ -100,7 +100,7 @@ class RunWriter:
 
         on_rank_zero(self._comm, write)
 
-    def write_checkpoint(self, numbers: Mapping[str, Any], arrays: Mapping[str, Floats], progress: Mapping[str, Any]) -> None:
+    def write_checkpoint(self, numbers: dict[str, Any], arrays: Mapping[str, Floats], progress: Mapping[str, Any]) -> None:
         """Save the whole state; `arrays` are local and flat (see `Checkpoint`)."""
         if self._identity is None:
             return

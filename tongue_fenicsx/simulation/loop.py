@@ -88,8 +88,7 @@ class Loop:
 
     def resume(self, saved: Checkpoint, clock: float) -> None:
         """Go on from a checkpoint."""
-        numbers = dict(saved.numbers)
-        state = State(**{**{name: numbers.pop(name) for name in NUMBERS}, **saved.arrays} | {"gammas": tuple(saved.numbers["gammas"])})
+        state = State(**{**saved.numbers, **saved.arrays, "gammas": tuple(saved.numbers["gammas"])})
         balance, self._totals = Balance(**saved.progress["balance"]), Totals(**saved.progress["totals"])
         self._steps = StepControl(self._task.stepping, self._task.t_end, self._task.kinks, **saved.progress["steps"])
         self._now = self._engine.resume(state, saved.progress["levels"], balance)

@@ -24,7 +24,7 @@ class Quantity:
     unit, label : str
         For tables and figures; a unit of ``1`` is a plain number.
     evaluate : callable
-        Takes a `snapshot.Snapshot` (fields and history) or a `summary.Totals` (summary) on all ranks at once, and returns the value, or a
+        Takes a `snapshot.Snapshot` (fields and history) or a `summary.Ending` (summary) on all ranks at once, and returns the value, or a
         mapping of the names of parts to theirs.
     default : bool
         Whether it is left without being asked for.
@@ -44,11 +44,9 @@ class Quantity:
         value = self.evaluate(source)
         if value is None:
             return {}
-        return (
-            {f"{self.name}{'_' if self.centre else '/'}{part}": v for part, v in value.items()}
-            if isinstance(value, Mapping)
-            else {self.name: value}
-        )
+        if not isinstance(value, Mapping):
+            return {self.name: value}
+        return {f"{self.name}{'_' if self.centre else '/'}{part}": of for part, of in value.items()}
 
 
 FIELDS: dict[str, Quantity] = {}
