@@ -23,6 +23,8 @@ from tongue_fenicsx.anatomy.comparison import compare
 from tongue_fenicsx.anatomy.parametric.size import PRESETS, TongueShape
 from tongue_fenicsx.geometry.tetrahedron import volumes
 from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.meshing.muscle_fields import project_muscles
+from tongue_fenicsx.meshing.tetrahedra import tetrahedralise
 from tongue_fenicsx.plotting import anatomy_figures as portraits
 
 TABLE_VOLUME = {
@@ -192,8 +194,8 @@ def test_directions_survive_meshing(tongue_file: Path) -> None:
 @pytest.mark.parametrize("size", [8e-3, 5e-3])
 def test_entry_of_styloglossus(parametric: tf.Anatomy, size: float) -> None:
     """SG enters with the cross-section of its flat band, five tubes of 1.8 mm radius side by side over 11.3 mm, left as right."""
-    mesh = meshing.tetrahedralise(parametric, size)
-    fields = meshing.project_muscles(parametric, mesh)
+    mesh = tetrahedralise(parametric, size)
+    fields = project_muscles(parametric, mesh)
     assert [name for name, field in fields.items() if field.entry is not None] == ["SG_L", "SG_R"]
     for name, side in (("SG_L", -1), ("SG_R", 1)):
         entry = fields[name].entry
@@ -269,8 +271,8 @@ def test_volume_converges_with_refinement() -> None:
     anatomy = tf.parametric_tongue()
     volumes = []
     for size in (8e-3, 5e-3):
-        mesh = meshing.tetrahedralise(anatomy, size)
-        fields = meshing.project_muscles(anatomy, mesh)
+        mesh = tetrahedralise(anatomy, size)
+        fields = project_muscles(anatomy, mesh)
         volumes.append({name: field.volume for name, field in fields.items()})
         for field in fields.values():
             assert field.weight.min() >= 0

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from ..core.types import Floats
@@ -47,22 +48,21 @@ class Alignment:
     def __init__(self, source: Anatomy, target: Anatomy) -> None:
         def frame(anatomy: Anatomy) -> Floats:
             landmarks = measure(anatomy.surface, anatomy.genial_spine).landmarks
-            return np.array([anatomy.genial_spine, landmarks["tip"], landmarks["root"]])[:, [0, 2]]
+            return np.array([anatomy.genial_spine, landmarks["tip"], landmarks["root"]]) * (1, 0, 1)
 
         a, b = frame(source), frame(target)
         self._from, self._to = a.mean(axis=0), b.mean(axis=0)
-        u, s, vt = np.linalg.svd((a - self._from).T @ (b - self._to))
-        self._rotation, self.scale = u @ vt, float(s.sum() / ((a - self._from) ** 2).sum())
+        a, b = a - self._from, b - self._to
+        self._rotation = Rotation.align_vectors(b, a)[0]
+        self.scale = float(np.sum(self._rotation.apply(a) * b) / np.sum(a**2))
 
     def forward(self, points: Floats) -> Floats:
         """Points (n, 3) of the source in the target's frame."""
-        xz = (points[:, [0, 2]] - self._from) @ self._rotation * self.scale + self._to
-        return np.column_stack([xz[:, 0], self.scale * points[:, 1], xz[:, 1]])
+        return np.asarray(self.scale * self._rotation.apply(points - self._from) + self._to)
 
     def backward(self, points: Floats) -> Floats:
         """The inverse of `forward`."""
-        xz = (points[:, [0, 2]] - self._to) @ self._rotation.T / self.scale + self._from
-        return np.column_stack([xz[:, 0], points[:, 1] / self.scale, xz[:, 1]])
+        return np.asarray(self._rotation.apply((points - self._to) / self.scale, inverse=True) + self._from)
 
 
 def compare(anatomy: Anatomy, reference: Anatomy, spacing: float = 1.25e-3) -> dict[str, Agreement]:

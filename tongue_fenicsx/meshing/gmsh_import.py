@@ -26,7 +26,7 @@ from ..core.types import Floats
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.fibre_direction import angle_between, common_sense, dyads, main_axis
 from ..geometry.tetrahedron import volumes
-from .build import lump
+from .muscle_fields import lump
 
 Direction = Callable[[Floats], Floats]
 
