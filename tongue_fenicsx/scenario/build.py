@@ -47,8 +47,8 @@ def size_of(source: MeshSection) -> float:
     return source.size or PRESETS[source.parametric or "coarse"]
 
 
-def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) -> Simulation:
-    """The simulation that a scenario describes.
+def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Simulation:
+    """The simulation that a scenario describes, on the ranks of `comm`.
 
     A mesh that has to be built is built in a folder of its own and moved to `workspace` when everything fits, so that bad
     input costs nothing that is there; with `keep_mesh` the one in `workspace` is taken again.
@@ -59,7 +59,6 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False) 
         If the scenario does not fit its mesh.
     """
     s = scenario
-    comm = MPI.COMM_WORLD
     if s.mesh.file is not None:
         return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm))
     kept = workspace / MESH_FILES[0]
