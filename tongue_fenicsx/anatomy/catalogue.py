@@ -109,7 +109,7 @@ def resolve(name: str, available: Iterable[str], where: str) -> list[str]:
     return found
 
 
-def peak_stress(muscles: Iterable[str], table: Mapping[str, float], where: str = "peak_stress") -> dict[str, float]:
+def peak_stress(muscles: Iterable[str], table: Mapping[str, float], where: str = "muscles.sigma_max") -> dict[str, float]:
     """Peak stress in Pa of every muscle of a mesh, from a table keyed by muscle or by muscle and side.
 
     Raises

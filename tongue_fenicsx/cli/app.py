@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from importlib import import_module
@@ -68,4 +69,5 @@ def _explain(error: BaseException) -> tuple[int, Text]:
 
 
 def _sentence(text: str) -> Text:
-    return Text.assemble(("error:", "red"), " ", " ".join(text.split()))
+    line = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in re.sub(r"(\S{300})\S+", r"\1…", " ".join(text.split())))
+    return Text.assemble(("error:", "red"), " ", line)

@@ -18,6 +18,27 @@ class SolveError(RuntimeError):
     """The nonlinear solve gave up at the smallest step; the last good state is saved."""
 
 
+def short(value: object, limit: int = 80) -> str:
+    """A value as a sentence shows it: what stands in a text or file may be endless."""
+    text = repr(value)
+    return text if len(text) <= limit else f"{text[: limit - 1]}… ({len(text)} characters)"
+
+
+@contextmanager
+def within(path: Path) -> Iterator[None]:
+    """Say which file bad input stands in, where a sentence names only the key.
+
+    Raises
+    ------
+    InputError
+        With the file before the sentence.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error
+
+
 @contextmanager
 def reading(path: Path, expected: str) -> Iterator[None]:
     """Say in one sentence that a file is missing, unreadable or damaged, whatever the library that reads it raises.
@@ -34,9 +55,10 @@ def reading(path: Path, expected: str) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path}: cannot be read ({reason[:200]}); {expected} is expected.") from error
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError, ArithmeticError) as error:
+        said = getattr(error, "strerror", None) or error
+        reason = "it is no text in UTF-8" if isinstance(error, UnicodeDecodeError) else " ".join(str(said).split())
+        raise InputError(f"{path}: cannot be read ({reason[:200] or type(error).__name__}); {expected} is expected.") from error
 
 
 def check_outputs(folder: Path, names: Iterable[str] = ()) -> None:

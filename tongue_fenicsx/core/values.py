@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -21,7 +22,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, TypeAdapter, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
-from .errors import InputError
+from .errors import InputError, short
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Accepts(ABC):
         taken = self.take(value)
         if taken is None:
             unit = f" {self.unit}" if self.unit and isinstance(value, numbers.Real) else ""
-            raise ValueError(f"{value!r}{unit}; {self.expected} expected")
+            raise ValueError(f"{short(value)}{unit}; {self.expected} expected")
         return taken
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -95,9 +96,13 @@ class Real(Accepts):
         """As of `Accepts`."""
         if isinstance(value, bool) or not isinstance(value, numbers.Integral if self.whole else numbers.Real):
             return None
+        try:
+            finite = math.isfinite(value)
+        except OverflowError:  # an integer of hundreds of digits
+            return None
         number: float | int = int(cast(Any, value)) if self.whole else float(value)
         inside = (self.low < number if self.above else self.low <= number) and (number < self.high if self.below else number <= self.high)
-        return number if math.isfinite(number) and inside else None
+        return number if finite and inside else None
 
 
 @dataclass(frozen=True)
@@ -151,6 +156,20 @@ class _Flag(Accepts):
         return bool(value) if isinstance(value, bool | np.bool_) else None
 
 
+@dataclass(frozen=True)
+class _Name(Accepts):
+    """What can be a name in files, tables and pictures."""
+
+    @property
+    def expected(self) -> str:
+        """As of `Accepts`."""
+        return "a name of up to 64 letters, digits, spaces and _ - + . ( ), which begins with a letter or digit, is"
+
+    def take(self, value: Any) -> str | None:
+        """As of `Accepts`."""
+        return value if isinstance(value, str) and re.fullmatch(r"\w[\w .+()-]{0,63}", value) else None
+
+
 Number = Annotated[float, Real()]
 Positive = Annotated[float, Real(low=0, above=True)]
 NotNegative = Annotated[float, Real(low=0)]
@@ -164,6 +183,7 @@ Length = Annotated[float, Real("m", low=0, above=True)]
 Point = Annotated[Sequence[float], Vector("m")]
 Direction = Annotated[Sequence[float], Vector()]
 Flag = Annotated[bool, _Flag()]
+Name = Annotated[str, _Name()]
 
 
 def checked[T](where: str) -> Callable[[type[T]], type[T]]:
@@ -225,7 +245,7 @@ def _check(hint: Any) -> Callable[[Any], Any]:
     if isinstance(hint, type):
         return partial(_instance, hint)
     if get_origin(hint) is Mapping:
-        return partial(_mapping, _check(get_args(hint)[1]))
+        return partial(_mapping, *map(_check, get_args(hint)))
     return TypeAdapter(hint, config=ConfigDict(arbitrary_types_allowed=True)).validate_python
 
 
@@ -235,16 +255,31 @@ def _instance(kind: type, value: Any) -> Any:
     return value
 
 
-def _mapping(check: Callable[[Any], Any], value: Any) -> dict[str, Any]:
+def _mapping(named: Callable[[Any], Any], check: Callable[[Any], Any], value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         raise ValueError(f"{type(value).__name__} is given, a mapping of names is expected")
     checked = {}
     for name, part in value.items():
+        named(name)
         try:
             checked[name] = check(part)
         except ValueError as error:
             raise _Within(f"{name}{'.' if isinstance(error, _Within) else ': '}{error}") from error
     return checked
+
+
+def check_name(where: str, name: Any) -> None:
+    """Hold a name to what a `Name` accepts.
+
+    Raises
+    ------
+    InputError
+        Beginning with where the name stands.
+    """
+    try:
+        _Name().check(name)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}.") from error
 
 
 class _Within(ValueError):
@@ -264,28 +299,29 @@ def explain(error: ValidationError, root: Any, where: Sequence[Any] = ()) -> str
         Where it stands.
     """
     first = error.errors()[0]
-    inner = [part for part in first["loc"] if not (isinstance(part, str) and "[" in part)]
+    unknown = first["type"] in ("extra_forbidden", "unexpected_keyword_argument")
+    place = first["loc"][:-2] if first["loc"][-1:] == ("[key]",) and not unknown else first["loc"]
+    inner = [part for part in place if not (isinstance(part, str) and re.fullmatch(r"[a-z-]+\[.*\]", part))]
     path = [*where, *inner]
-    key, given = ".".join(map(str, path)), first.get("input")
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+    key, given = ".".join(part if len(part) <= 80 else f"{part[:79]}…" for part in map(str, path)), first.get("input")
+    if unknown:
         known = keys(kind_at(root, inner[:-1]))
-        near = get_close_matches(str(path[-1]), known, n=1, cutoff=0.5)
+        near = get_close_matches(str(path[-1])[:80], known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
         return f"unknown key {key!r}; {hint}Known here: {', '.join(known)}."
     if first["type"] == "missing":
         if isinstance(path[-1], int):
-            return f"{'.'.join(map(str, path[:-1]))}: more numbers are expected (given: {given!r})."
+            return f"{'.'.join(map(str, path[:-1]))}: more numbers are expected (given: {short(given)})."
         return f"the key {key!r} is missing."
     if first["type"] in ("dataclass_type", "is_instance_of") and not isinstance(given, str | float | int | list):
         wanted = first["ctx"].get("class_name") or first["ctx"]["class"]
         return f"{key}: {type(given).__name__} is given, {wanted} is expected."
     if first["type"] in ("model_type", "dict_type", "dataclass_type", "mapping_type"):
-        return f"{key}: a table is expected (given: {given!r})."
+        return f"{key or 'scenario'}: a table is expected (given: {short(given)})."
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "value_error":
         return f"{key or 'scenario'}: {message.rstrip('.')}."
-    shown = f" (given: {given!r})" if isinstance(given, str | float | int) and not isinstance(given, bool) else ""
-    return f"{key or 'scenario'}: {message[0].lower()}{message[1:].rstrip('.')}{shown}."
+    return f"{key or 'scenario'}: {message[0].lower()}{message[1:].rstrip('.')} (given: {short(given)})."
 
 
 def keys(kind: Any) -> list[str]:

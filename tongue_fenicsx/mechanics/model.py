@@ -16,7 +16,7 @@ from ..anatomy.catalogue import CATALOGUE, base_name, resolve
 from ..core.errors import InputError
 from ..core.fingerprint import fingerprint
 from ..core.types import Floats
-from ..core.values import Direction, Flag, Real, Rise, checked
+from ..core.values import Direction, Flag, Name, Real, Rise, checked
 from ..geometry.rigid_motion import RigidMotion
 from ..meshing.tongue_mesh import TongueMesh
 from .contact import Contact
@@ -75,12 +75,12 @@ class Model:
     contraction: Contraction = field(default_factory=Contraction)
     regions: Mapping[str, Passive] = field(default_factory=dict)
     fibre: Sequence[float] | Callable[[Floats], Floats] | None = None
-    fixed: Sequence[str] = ("mandible", "hyoid")
-    moving: Mapping[str, RigidMotion] = field(default_factory=dict)
-    suspended: Mapping[str, Suspension] = field(default_factory=dict)
+    fixed: Sequence[Name] = ("mandible", "hyoid")
+    moving: Mapping[Name, RigidMotion] = field(default_factory=dict)
+    suspended: Mapping[Name, Suspension] = field(default_factory=dict)
     mixed: Flag = False
-    contacts: Mapping[str, Contact] = field(default_factory=dict)
-    loads: Mapping[str, Pressure] = field(default_factory=dict)
+    contacts: Mapping[Name, Contact] = field(default_factory=dict)
+    loads: Mapping[Name, Pressure] = field(default_factory=dict)
     gravity: Direction = (0.0, 0.0, 0.0)
     gravity_rise: Rise = 0.1
     quadrature_degree: Annotated[int, Real(low=1, high=30, whole=True)] = 3

@@ -210,7 +210,7 @@ class TongueMesh:
         parts = [cells for joined, cells in self.volumes.items() if name == joined or name in joined.split("+")]
         if not parts:
             known = ", ".join(sorted({part for joined in self.volumes for part in joined.split("+")})) or "none"
-            raise InputError(f"tissue.regions: the mesh has no volume {name!r}; it has {known}.")
+            raise InputError(f"region.{name}: the mesh has no volume {name!r}; it has {known}.")
         return np.concatenate(parts)
 
     def facets(self, names: list[str]) -> Ints:

@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
-from ..core.errors import InputError, reading
+from ..core.errors import InputError, reading, short
 from ..core.values import explain
 from ..geometry.surface import SUFFIXES
 from .schema import Scenario
@@ -32,7 +32,7 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
         If the file is missing or not TOML, or a key or value is not accepted.
     """
     with reading(path, "a scenario in TOML"):
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     for change in changes or []:
         _change(data, change)
     source = data.get("mesh")
@@ -54,18 +54,21 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
 
 def _change(data: dict[str, Any], change: str) -> None:
     key, separator, text = change.partition("=")
-    if not separator or not key:
-        raise InputError(f"--set {change}: key=value is expected, such as tissue.nu=0.499.")
+    shown = f"--set {short(change)[1:-1]}"
+    if not separator or not key or not text.strip():
+        raise InputError(f"{shown}: key=value is expected, such as tissue.nu=0.499.")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):  # a bare word is a string
-        value = text
+    except (ValueError, RecursionError) as error:
+        if text.strip()[0] in "[{'\"":
+            raise InputError(f"{shown}: {' '.join(str(error).split())}; a value in TOML is expected.") from error
+        value = text  # a bare word is a string
     *parents, last = key.split(".")
     table = data
     for parent in parents:
         table = table.setdefault(parent, {})
         if not isinstance(table, dict):
-            raise InputError(f"--set {change}: {parent} is a value, not a table.")
+            raise InputError(f"{shown}: {parent} is a value, not a table.")
     table[last] = value
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from ..anatomy.parametric.size import PRESETS, SPLITTABLE, TongueShape
-from ..core.values import Direction, Length, OneOf, Rise, Seconds, Vector, hints, in_metres, keys
+from ..core.values import Direction, Length, Name, OneOf, Rise, Seconds, Vector, hints, in_metres, keys
 from ..geometry.obstacles import OBSTACLES
 from ..geometry.rigid_motion import RigidMotion
 from ..mechanics.activation import Activation, Excited, Pieces
@@ -281,7 +281,7 @@ class Scenario(Section):
     muscles: MuscleSection = MuscleSection()
     boundary: BoundarySection = Field(default_factory=lambda: BoundarySection.model_validate({}))
     gravity: GravitySection = Field(default_factory=GravitySection)
-    contact: dict[str, ContactSection] = {}
+    contact: dict[Name, ContactSection] = {}
     load: dict[str, LoadSection] = {}
     region: dict[str, RegionSection] = {}
     time: TimeSection
@@ -289,7 +289,7 @@ class Scenario(Section):
     solver: Tolerances = Tolerances()
     activation: dict[str, ActivationSection] = {}
     excitation: ExcitationSection | None = None
-    probes: dict[str, Annotated[str | Sequence[float], Vector("m", named=True)]] | None = None
+    probes: dict[Name, Annotated[str | Sequence[float], Vector("m", named=True)]] | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -13,6 +13,7 @@ from dolfinx import fem, geometry
 
 from ..core.errors import InputError
 from ..core.types import Floats
+from ..core.values import check_name
 from ..meshing.tongue_mesh import TongueMesh
 
 
@@ -40,6 +41,7 @@ class Probes:
         self._owned: list[tuple[int, int, Floats]] = []  # of each probe in a cell of this rank: its row, the cell, its shape functions
         quadratic = basix.ufl.element("P", "tetrahedron", 2)
         for index, (name, where) in enumerate(points.items()):
+            check_name("probes", name)
             if isinstance(where, str):
                 if where not in tongue.landmarks:
                     known = ", ".join(tongue.landmarks) or "none"

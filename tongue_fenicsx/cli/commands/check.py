@@ -17,25 +17,27 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
     loaded = load(scenario, changes)
 
     from ...anatomy.catalogue import peak_stress, resolve
+    from ...core.errors import within
     from ...forms.weak_form import WeakForm
     from ...mechanics.hyperelasticity import numbers
     from ...scenario import build as assemble
 
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, within(scenario):
         simulation = assemble.simulation_of(loaded, Path(folder))
-    model, tongue = simulation.model, simulation.model.tongue
+        courses = assemble.activation_of(loaded)
+        model, tongue = simulation.model, simulation.model.tongue
+        stresses = {name: peak_stress(resolve(name, tongue.muscles, name), model.tissue.peak_stress) for name in courses}
+        WeakForm(model, [])  # is the tongue at rest outside the obstacles?
     n_cells = tongue.mesh.topology.index_map(3).size_global
     console.print(f"{scenario} is fine: {tongue.name}, {n_cells} tetrahedra, surfaces {', '.join(sorted(tongue.surfaces))}")
     tissue = model.tissue
     law = ", ".join(f"{name} {value:g} Pa" for name, value in numbers(tissue.law).items())
     console.print(f"tissue {loaded.tissue.preset}: {law}, nu {tissue.law.nu:g}, density {tissue.density:g} kg/m³")
-    for name, course in assemble.activation_of(loaded).items():
-        stress = max(peak_stress(resolve(name, tongue.muscles, f"activation.{name}"), tissue.peak_stress).values())
+    for name, course in courses.items():
         ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
-        console.print(f"{name}: {ends}, at most {stress / 1e3:g} kPa")
+        console.print(f"{name}: {ends}, at most {max(stresses[name].values()) / 1e3:g} kPa")
     for name, motion in model.moving.items():
         console.print(f"{name} moves until {1e3 * max(motion.kinks):g} ms")
     for name, contact in model.contacts.items():
         console.print(f"contact with {name}: {contact.form}")
-    WeakForm(model, [])  # is the tongue at rest outside the obstacles?
     console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")

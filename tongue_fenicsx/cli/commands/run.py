@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...core.errors import check_outputs
+from ...core.errors import check_outputs, within
 from ..options import Changes, ScenarioFile
 from ..progress import ProgressBar
 from ..terminal import console, errors
@@ -35,12 +35,12 @@ def run(
 
     comm = MPI.COMM_WORLD
     on_rank_zero(comm, lambda: check_outputs(output, assemble.MESH_FILES))
-    simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
+    with within(scenario):
+        simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
+        courses = assemble.activation_of(loaded)
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
-            result = simulation.run(
-                assemble.activation_of(loaded), loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded)
-            )
+            result = simulation.run(courses, loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded))
     except KeyboardInterrupt:
         if comm.rank == 0:
             errors.print(f"interrupted; everything so far is in {output}, go on with --resume")
