@@ -3,9 +3,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import create_unit_interval
+from mpi4py import MPI
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.forms import jit
@@ -32,8 +37,30 @@ def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, mon
         )
         stepping = tf.Stepping(step_max=2e-3 * scale, output_every=4e-3)
         tf.Simulation(model, stepping=stepping).run({"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, 4e-3, tmp_path / "run")
-        return {path.name for path in jit.cache_folder().iterdir()}
+        return {path.name for path in (tmp_path / "cache").rglob("*.so")}
 
     compiled = simulate(1.0)
     assert compiled
     assert simulate(1.1) == compiled
+
+
+def test_a_damaged_form_is_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A truncated shared object, which would end the process with a bus error, is not loaded."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    mesh = create_unit_interval(MPI.COMM_SELF, 2)
+    area = fem.Constant(mesh, 1.0) * ufl.dx
+    assert fem.assemble_scalar(jit.compile_form(area, mesh.comm)) == pytest.approx(1.0)
+    (module,) = tmp_path.rglob("*.so")
+    os.truncate(module, 4096)
+    assert fem.assemble_scalar(jit.compile_form(area, mesh.comm)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("compiler", ["false", "no-such-compiler"])
+def test_no_compiler(compiler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence with the mend, and the cache is as it was."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CC", compiler)
+    mesh = create_unit_interval(MPI.COMM_SELF, 2)
+    with pytest.raises(tf.InputError, match=f"{compiler}.*a C compiler and room in .* are needed, tongue doctor says"):
+        jit.compile_form(fem.Constant(mesh, 1.0) * ufl.dx, mesh.comm)
+    assert [path.suffix for path in tmp_path.rglob("*") if path.is_file()] == [".lock"]

@@ -14,6 +14,8 @@ import lazy_loader as _lazy
 from . import plotting as _plotting  # noqa: F401  registers the standard figures and loads nothing more
 
 _os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread per rank; must be set before BLAS loads
+if _os.path.expanduser("~") == "~":  # nobody whom the system knows, as in containers; DOLFINx is imported only where there is a home
+    _os.environ["HOME"] = "/proc/nonexistent"
 if _find_spec("dolfinx_solver") is not None:
     from . import _wheel
 

@@ -128,7 +128,7 @@ def homogeneous(weak: WeakForm, F: Floats) -> None:
 def stress_at(weak: WeakForm, P: Expr) -> Floats:
     """A homogeneous first Piola–Kirchhoff stress, (3, 3) in Pa, from one quadrature point."""
     points, _ = quadrature.points_and_weights(weak.model.quadrature_degree)
-    value = fem.Expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, jit_options=jit.options())
+    value = jit.compile_expression(ufl.as_vector([P[i, j] for i in range(3) for j in range(3)]), points, weak.V.mesh.comm)
     values = value.eval(weak.V.mesh, np.array([0], dtype=np.int32))
     return np.asarray(values).ravel()[:9].reshape(3, 3)
 
@@ -142,7 +142,7 @@ def solve(weak: WeakForm, residual: Expr, bcs: list[fem.DirichletBC]) -> None:
         "snes_rtol": 1e-12,
         "snes_error_if_not_converged": True,
     }
-    problem = fem_petsc.NonlinearProblem(
-        residual, weak.u, bcs=bcs, petsc_options_prefix="verify_", petsc_options=options, jit_options=jit.options()
-    )
+    tangent = ufl.derivative(residual, weak.u, ufl.TrialFunction(weak.V))
+    forms = [jit.compile_form(form, weak.V.mesh.comm) for form in (residual, tangent)]
+    problem = fem_petsc.NonlinearProblem(forms[0], weak.u, J=forms[1], bcs=bcs, petsc_options_prefix="verify_", petsc_options=options)
     problem.solve()

@@ -136,7 +136,7 @@ class ContactSet:
         places = [int(np.flatnonzero(facets_of.links(c) == f)[0]) for c, f in zip(owners, parents, strict=True)]
         self.integrals = np.column_stack([owners, places]).astype(np.int32)
         points, _ = basix.make_quadrature(basix.CellType.triangle, DEGREE)
-        self._deformed = fem.Expression(ufl.SpatialCoordinate(mesh) + u, points, jit_options=jit.options())
+        self._deformed = jit.compile_expression(ufl.SpatialCoordinate(mesh) + u, points, mesh.comm)
         self.terms = {name: _Term(contact, surface) for name, contact in contacts.items()}
         self.place(0.0)
         self.update()

@@ -4,29 +4,93 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
+import sysconfig
 from pathlib import Path
 from typing import Any
 
+import cffi
 import dolfinx
+import numpy as np
+import ufl
+from dolfinx import fem
+from ffcx.naming import compute_signature
+from ffcx.options import get_options
+from mpi4py import MPI
 
-FLAGS = ["-O3", "-march=native", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
+from ..core import cache
+from ..core.errors import InputError, quiet
+from ..core.parallel import on_rank_zero
+from ..core.types import Expr, Floats
+
+FLAGS = ["-O3", "-g0", "-march=native", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
 """As fast as -ffast-math on these kernels, but NaN still travels from an inverted element to the line search."""
+WAIT = 300
+"""Seconds in which ranks without a common file system wait for one another's compiler."""
 
 
-def cache_folder() -> Path:
-    """Where compiled forms are kept, one folder per processor model and DOLFINx version (``-march=native`` binds them)."""
+def compile_form(form: Any, comm: MPI.Intracomm, **settings: Any) -> Any:
+    """A form, or nested lists of forms, ready to assemble; `settings` go to `dolfinx.fem.form`.
+
+    Raises
+    ------
+    InputError
+        If it must be compiled and cannot be.
+    """
+    if isinstance(form, list | tuple):
+        return [compile_form(part, comm, **settings) for part in form]
+    options = _provide(form, comm) if isinstance(form, ufl.Form) else None
+    return fem.form(form, jit_options=options, **settings)
+
+
+def compile_expression(value: Expr, points: Floats, comm: MPI.Intracomm) -> fem.Expression:
+    """A value ready to be evaluated at reference points (q, d) of cells.
+
+    Raises
+    ------
+    InputError
+        If it must be compiled and cannot be.
+    """
+    return fem.Expression(value, points, comm=comm, jit_options=_provide((value, np.asarray(points)), comm))
+
+
+def generation() -> str:
+    """Name of what compiled forms are bound to: the DOLFINx version and, by ``-march=native``, the model of the processor."""
     try:
         text = Path("/proc/cpuinfo").read_text().split("\n\n")[0]
         lines = [line for line in text.splitlines() if line.startswith(("model name", "flags", "Features"))]
     except OSError:
         lines = [platform.processor()]
-    key = hashlib.sha256("\n".join(lines).encode()).hexdigest()[:12]
-    base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return base / "tongue_fenicsx" / f"{dolfinx.__version__}-{key}"
+    return f"{dolfinx.__version__}-{hashlib.sha256('\n'.join(lines).encode()).hexdigest()[:12]}"
 
 
-def options() -> dict[str, Any]:
-    """JIT options of every form and expression; the long time-out lets simultaneous runs wait for one compilation."""
-    return {"cffi_extra_compile_args": FLAGS, "cache_dir": str(cache_folder()), "timeout": 300}
+def _provide(item: Any, comm: MPI.Intracomm) -> dict[str, Any]:
+    """Options with which DOLFINx finds, on all ranks, a form or expression compiled."""
+    return _options(on_rank_zero(comm, lambda: _find(item)))
+
+
+def _find(item: Any) -> Path:
+    """Where a form or expression is compiled, once it is."""
+    settings = (FLAGS, sysconfig.get_config_var("EXT_SUFFIX"), sorted(get_options().items()))
+    folder = cache.open_cache(generation())
+    entry: Path = folder / compute_signature([item], str(settings))
+    try:
+        cache.provide(entry, lambda making: _compile(item, making))
+    except (cffi.VerificationError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"a form cannot be compiled ({reason}); a C compiler and room in {folder} are needed, tongue doctor says what is missing."
+        ) from error
+    return entry
+
+
+def _compile(item: Any, folder: Path) -> None:
+    """Compile into a folder, and leave there what is needed to load it."""
+    with quiet():
+        dolfinx.jit.ffcx_jit(MPI.COMM_SELF, item, {"scalar_type": dolfinx.default_scalar_type}, _options(folder))
+    for path in folder.glob("*.[co]"):
+        path.write_bytes(b"")  # FFCx asks only whether they exist
+
+
+def _options(folder: Path) -> dict[str, Any]:
+    return {"cffi_extra_compile_args": FLAGS, "cache_dir": str(folder), "timeout": WAIT}

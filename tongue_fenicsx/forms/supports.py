@@ -80,7 +80,7 @@ class Springs:
         self._parts = []
         for suspension, ds in zip(model.suspended.values(), measures, strict=True):
             one = fem.Constant(mesh, default_scalar_type(1.0))
-            area = mesh.comm.allreduce(float(fem.assemble_scalar(fem.form(one * ds, jit_options=jit.options()))))
+            area = mesh.comm.allreduce(float(fem.assemble_scalar(jit.compile_form(one * ds, mesh.comm))))
             per_area = fem.Constant(mesh, np.array([suspension.mass, suspension.damping, suspension.stiffness]) / area)
             self._parts.append((per_area, ds))
 

@@ -178,11 +178,11 @@ class WeakForm:
                 return [thaw(inner) for inner in part]
             return part if part is None or self.frozen is self.u else ufl.replace(part, {self.frozen: self.u})
 
-        return fem.form(thaw(form), jit_options=jit.options(), entity_maps=self.contacts.entity_maps)
+        return jit.compile_form(thaw(form), self.V.mesh.comm, entity_maps=self.contacts.entity_maps)
 
     def expression(self, value: Expr, points: Floats) -> fem.Expression:
         """A value ready to be evaluated at reference points (q, 3) of cells; `frozen` becomes `u`."""
-        return fem.Expression(ufl.replace(value, {self.frozen: self.u}), points, jit_options=jit.options())
+        return jit.compile_expression(ufl.replace(value, {self.frozen: self.u}), points, self.V.mesh.comm)
 
     def kinematics(self, F: Expr, *, surface: bool = False) -> Kinematics:
         """What a passive law sees, inside or on the surface."""

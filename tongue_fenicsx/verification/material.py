@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from ..core.errors import SolveError
 from ..core.types import Expr, Floats
+from ..forms import jit
 from ..forms.weak_form import WeakForm
 from ..mechanics.contraction import Contraction
 from ..mechanics.hyperelasticity import NeoHookean
@@ -94,11 +95,11 @@ def manufactured(divisions: tuple[int, ...] = (2, 4, 8)) -> Iterator[Row]:
         test = ufl.TestFunction(weak.V)
         load = -ufl.div(_hand_written_stress(exact))
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})
-        bcs = _boundary(weak, fem.Expression(exact, weak.V.element.interpolation_points))
+        bcs = _boundary(weak, jit.compile_expression(exact, weak.V.element.interpolation_points, mesh.comm))
         solve(weak, ufl.inner(weak.passive_stress(weak.u), ufl.grad(test)) * dx - ufl.inner(load, test) * dx, bcs)
         difference = weak.u - exact
         squares = [ufl.inner(difference, difference) * dx, ufl.inner(ufl.grad(difference), ufl.grad(difference)) * dx]
-        errors.append([np.sqrt(mesh.comm.allreduce(float(fem.assemble_scalar(fem.form(s))))) for s in squares])
+        errors.append([np.sqrt(mesh.comm.allreduce(float(fem.assemble_scalar(jit.compile_form(s, mesh.comm))))) for s in squares])
     table = np.array(errors)
     orders = np.log(table[-2] / table[-1]) / np.log(divisions[-1] / divisions[-2])
     for order, expected, norm in zip(orders, (3.0, 2.0), ("L²", "H¹"), strict=True):

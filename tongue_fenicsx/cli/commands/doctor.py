@@ -15,6 +15,8 @@ from pathlib import Path
 
 from rich.text import Text
 
+from ...core.cache import place
+from ...core.errors import InputError, check_outputs
 from ..terminal import console
 
 Finding = tuple[str, bool, str]
@@ -103,12 +105,7 @@ def _drawing() -> Finding:
 
 def _cache() -> Finding:
     try:
-        from ...forms.jit import cache_folder
-
-        folder = cache_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except (OSError, ImportError) as error:
-        return "form cache", False, f"cannot be written ({error}); set XDG_CACHE_HOME to a folder that can"
-    return "form cache", True, str(folder)
+        check_outputs(place())
+    except InputError as error:
+        return "form cache", False, f"{error} Until then each run compiles its forms again"
+    return "form cache", True, str(place())
