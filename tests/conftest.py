@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 from collections.abc import Iterator
@@ -137,7 +138,6 @@ def tongue(tongue_file: Path) -> tf.TongueMesh:
 def _collect_together() -> Iterator[None]:
     """Let destructors that talk to other ranks run on all of them at once."""
     yield
-    import gc
-
-    gc.collect()
-    MPI.COMM_WORLD.barrier()
+    if MPI.COMM_WORLD.size > 1:
+        gc.collect()
+        MPI.COMM_WORLD.barrier()

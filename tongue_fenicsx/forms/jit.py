@@ -24,7 +24,8 @@ from ..core.parallel import on_rank_zero
 from ..core.types import Expr, Floats
 
 FLAGS = ["-O3", "-g0", "-march=native", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
-"""As fast as -ffast-math on these kernels, but NaN still travels from an inverted element to the line search."""
+"""As fast as -ffast-math on these kernels, but NaN still travels from an inverted element to the line search. ``-g0``:
+Python's own ``-g`` would cost a third of the time of a compilation and nineteen twentieths of what it leaves."""
 WAIT = 300
 """Seconds in which ranks without a common file system wait for one another's compiler."""
 
