@@ -94,7 +94,7 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
         "notes": anatomy.notes,
     }
     partial[2].write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    for written, file in zip(partial, files, strict=True):
+    for written, file in reversed(list(zip(partial, files, strict=True))):  # what lies beside the mesh first: it is there when all is
         os.replace(written, file)
     return figures
 

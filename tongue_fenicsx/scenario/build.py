@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -110,10 +112,66 @@ def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacl
     return Triangulated(surface)
 
 
+class Workbench:
+    """Simulations of scenarios one after another: mesh, obstacles, forms and solver of the last are used again as far as they serve.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+        The ranks that take part, all at once.
+    """
+
+    def __init__(self, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
+        self.comm = comm
+        self._last: tuple[Scenario, Simulation] | None = None
+
+    def simulation(self, scenario: Scenario) -> Simulation:
+        """The simulation of a scenario whose mesh is a file.
+
+        Raises
+        ------
+        InputError
+            If the scenario does not fit its mesh.
+        """
+        if self._last is None or self._last[0].mesh != scenario.mesh:
+            self.clear()
+            made = _simulation(scenario, TongueMesh.read(Path(str(scenario.mesh.file)), self.comm))
+        else:
+            made = self._from_last(scenario, *self._last)
+        self._last = scenario, made
+        return made
+
+    def _from_last(self, s: Scenario, last: Scenario, simulation: Simulation) -> Simulation:
+        before = simulation.model
+        model = _model(s, before.tongue, None if (s.contact, s.boundary) != (last.contact, last.boundary) else before.contacts)
+        if s.boundary == last.boundary:  # the same values, not their like, so that the engine knows them
+            model = replace(model, moving=before.moving, suspended=before.suspended)
+        if s.load == last.load:
+            model = replace(model, loads=before.loads)
+        if (s.probes, s.solver, s.output, _stepping(s)) != (last.probes, last.solver, last.output, _stepping(last)):
+            simulation.close()
+            return Simulation(model, s.probes, _stepping(s), s.solver)
+        resolve_sides(OpenLoop(activation_of(s)), model)
+        simulation.model = model
+        return simulation
+
+    def clear(self) -> None:
+        """Forget the last simulation, on all ranks at once."""
+        if self._last is not None:
+            self._last[1].close()
+            self._last = None
+
+
 def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
+    model = _model(s, tongue)
+    resolve_sides(OpenLoop(activation_of(s)), model)
+    return Simulation(model, s.probes, _stepping(s), s.solver)
+
+
+def _model(s: Scenario, tongue: TongueMesh, contacts: Mapping[str, Contact] | None = None) -> Model:
     for name in s.muscles.sigma_max:
         resolve(name, tongue.muscles, f"muscles.sigma_max.{name}")
-    model = Model(
+    return Model(
         tongue,
         tissue=s.tissue.tissue(s.muscles.sigma_max),
         contraction=value_of(Contraction, s.muscles),
@@ -121,21 +179,18 @@ def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
         moving=s.boundary.moving,
         suspended=s.boundary.suspended,
         regions={name: section.passive() for name, section in s.region.items()},
-        contacts=_contacts(s, tongue),
+        contacts=_contacts(s, tongue) if contacts is None else contacts,
         loads={name: section.load for name, section in s.load.items()},
         mixed=s.tissue.formulation == "mixed",
         gravity=s.gravity.vector,
         gravity_rise=s.gravity.rise,
     )
-    resolve_sides(OpenLoop(activation_of(s)), model)
+
+
+def _stepping(s: Scenario) -> Stepping:
     step_min = min(Stepping.step_min, s.time.largest) if s.time.step_min is None else s.time.step_min
     steps = {"step_max": s.time.largest, "step_min": step_min, "output_every": s.output.every, "fields": s.output.fields}
-    return Simulation(
-        model,
-        s.probes,
-        value_of(Stepping, s.time, **steps),
-        s.solver,
-    )
+    return value_of(Stepping, s.time, **steps)
 
 
 def activation_of(scenario: Scenario) -> dict[str, Course]:

@@ -31,44 +31,95 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
     InputError
         If the file is missing or not TOML, or a key or value is not accepted.
     """
-    with reading(path, "a scenario in TOML"):
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    data = read_toml(path, "a scenario in TOML")
     for change in changes or []:
-        _change(data, change)
+        key, value = parse_change(change)
+        set_key(data, key, value, f"--set {short(change)[1:-1]}")
+    return scenario_of(data, path.parent, str(path))
+
+
+def read_toml(path: Path, expected: str) -> dict[str, Any]:
+    """What a TOML file holds.
+
+    Raises
+    ------
+    InputError
+        If it is missing or not TOML.
+    """
+    with reading(path, expected):
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+
+
+def scenario_of(data: dict[str, Any], folder: Path, where: str) -> Scenario:
+    """The scenario that tables of TOML describe.
+
+    Parameters
+    ----------
+    data : dict
+        The tables; paths in them are then those from the working directory.
+    folder : Path
+        From where they were before.
+    where : str
+        Begins the sentence about an error.
+
+    Raises
+    ------
+    InputError
+        If a key or value is not accepted.
+    """
     source = data.get("mesh")
     if isinstance(source, dict):
         for key in ("file", "subject"):
             if isinstance(source.get(key), str):
-                source[key] = str(path.parent / source[key])
+                source[key] = str(folder / source[key])
     for section in data["contact"].values() if isinstance(data.get("contact"), dict) else ():
         if isinstance(section, dict) and isinstance(section.get("surface"), str) and Path(section["surface"]).suffix in SUFFIXES:
-            section["surface"] = str(path.parent / section["surface"])
+            section["surface"] = str(folder / section["surface"])
     for section in data["activation"].values() if isinstance(data.get("activation"), dict) else ():
         if isinstance(section, dict) and isinstance(section.get("table"), str):
-            section["table"] = str(path.parent / section["table"])
+            section["table"] = str(folder / section["table"])
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path}: {explain(error, Scenario)}") from error
+        raise InputError(f"{where}: {explain(error, Scenario)}") from error
 
 
-def _change(data: dict[str, Any], change: str) -> None:
+def parse_change(change: str) -> tuple[str, Any]:
+    """Key and value of ``key.sub=value``."""
     key, separator, text = change.partition("=")
     shown = f"--set {short(change)[1:-1]}"
     if not separator or not key or not text.strip():
         raise InputError(f"{shown}: key=value is expected, such as tissue.nu=0.499.")
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
+        return key, toml_value(text)
+    except ValueError as error:
+        raise InputError(f"{shown}: {error}; a value in TOML is expected.") from error
+
+
+def toml_value(text: str) -> Any:
+    """A value of TOML; a bare word is text.
+
+    Raises
+    ------
+    ValueError
+        If it begins as a list, a table or a text in quotes, but is none.
+    """
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError) as error:
         if text.strip()[0] in "[{'\"":
-            raise InputError(f"{shown}: {' '.join(str(error).split())}; a value in TOML is expected.") from error
-        value = text  # a bare word is a string
+            raise ValueError(" ".join(str(error).split())) from error
+        return text
+
+
+def set_key(data: dict[str, Any], key: str, value: Any, where: str) -> None:
+    """Set ``key.sub`` of nested tables; `where` begins the sentence about an error."""
     *parents, last = key.split(".")
     table = data
     for parent in parents:
         table = table.setdefault(parent, {})
         if not isinstance(table, dict):
-            raise InputError(f"{shown}: {parent} is a value, not a table.")
+            raise InputError(f"{where}: {parent} is a value, not a table.")
     table[last] = value
 
 
