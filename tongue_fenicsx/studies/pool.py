@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: MIT
+"""Many runs: in this process, in others, on the ranks of mpiexec, or a share of them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock
+from mpi4py import MPI
+
+from ..core.errors import InputError, SolveError, check_outputs
+from ..core.fingerprint import fingerprint
+from ..core.interruption import interruptible
+from ..core.parallel import on_rank_zero
+from ..meshing import build as meshing
+from ..runs.run import Run
+from ..scenario.build import Workbench, anatomy_of, size_of
+from ..scenario.schema import MeshSection, Scenario
+from . import worker
+from .plan import DONE, KILLED, LOGS, PLAN, Case, Outcome, Plan
+from .run_table import TABLE, TIMING, RunTable
+from .worker import News, Worker
+
+LAUNCHER = ("PMI", "MPI", "OMPI", "HYDRA")
+"""What variables begin with by which a launcher of MPI speaks to its processes; those that they begin are none of its."""
+
+
+class Watch:
+    """Follows many runs; here, without saying anything."""
+
+    def begin(self, total: int, over: int) -> None:
+        """So many runs there are, and so many were over before."""
+
+    def tell(self, news: News) -> None:
+        """News of a run."""
+
+    def count(self, over: int) -> None:
+        """So many are over, whoever did them."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the runs, and how.
+
+    Attributes
+    ----------
+    jobs : int
+        Processes on this machine.
+    ranks_per_run : int
+        Of the ranks of mpiexec.
+    shard : (int, int)
+        Which share of the runs, counted from 1, of how many; the others are left alone.
+    figures : bool
+        Whether to draw the pictures of each run.
+    overwrite : bool
+        Whether runs of other scenarios in the folder may be replaced.
+    watch : Watch
+        Is told how it goes, on rank 0.
+
+    Raises
+    ------
+    InputError
+        If numbers are out of range, or do not go together.
+    """
+
+    jobs: int = 1
+    ranks_per_run: int = 1
+    shard: tuple[int, int] = (1, 1)
+    figures: bool = False
+    overwrite: bool = False
+    watch: Watch = field(default_factory=Watch)
+
+    def __post_init__(self) -> None:
+        ranks = MPI.COMM_WORLD.size
+        (part, of) = self.shard
+        if not 1 <= part <= of:
+            raise InputError(f"--shard {part}/{of}: one of the shares 1/{of} to {of}/{of} is expected.")
+        if self.jobs < 1:
+            raise InputError(f"--jobs {self.jobs}: a positive number is expected.")
+        if self.jobs > 1 and (ranks > 1 or of > 1):
+            raise InputError(f"--jobs {self.jobs}: not with mpiexec or --shard, which share the runs already.")
+        if self.ranks_per_run < 1 or ranks % self.ranks_per_run:
+            raise InputError(f"--ranks-per-run {self.ranks_per_run}: a divisor of the number of ranks, {ranks}, is expected.")
+
+
+def perform(folder: Path, runs: Mapping[str, tuple[Scenario, Mapping[str, Any]]], workers: Workers) -> Plan:
+    """Do runs, each in a folder of its name; those that are there are taken as they are. One that fails stops no other.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the run folders go, with a table of them, a log for each worker, and meshes that are built for them.
+    runs : mapping
+        Name to the scenario, and to what is told of it in the table.
+    workers : Workers
+        Who does them.
+
+    Raises
+    ------
+    InputError
+        Before any run: if a scenario does not fit its mesh, or the folder holds others.
+    KeyboardInterrupt
+        If interrupted; what is done is kept, and the same call goes on.
+    """
+    comm = MPI.COMM_WORLD
+    plan: Plan = on_rank_zero(comm, lambda: _prepare(folder, runs, workers))
+    try:
+        if workers.jobs > 1:
+            _Processes(plan, workers).go()
+        else:
+            _work_here(plan, workers)
+    finally:
+        if comm.rank == 0:
+            RunTable(plan).write()
+    return plan
+
+
+def results(plan: Plan) -> dict[str, Run | SolveError]:
+    """The runs of a plan by name, and for those that failed why."""
+
+    def result(case: Case, outcome: Outcome) -> Run | SolveError:
+        return Run(plan.folder / case.name) if outcome.status == DONE else SolveError(f"{case.name}: {outcome.reason}")
+
+    return {case.name: result(case, outcome) for case, outcome in plan.over()}
+
+
+def all_done(plan: Plan) -> dict[str, Run]:
+    """The runs of a plan by name.
+
+    Raises
+    ------
+    SolveError
+        If one failed.
+    """
+    runs = {}
+    for name, run in results(plan).items():
+        if isinstance(run, SolveError):
+            raise run
+        runs[name] = run
+    return runs
+
+
+def shared_mesh(source: MeshSection, folder: Path, name: str | None = None) -> MeshSection:
+    """The section of a mesh file: the given one, or one that is built in `folder`, once for all runs; for one rank alone."""
+    if source.file is not None:
+        return MeshSection(file=str(Path(source.file).resolve()))
+    path = folder.resolve() / (name or f"mesh-{fingerprint(source.model_dump())[:8]}.msh")
+    check_outputs(folder)
+    with FileLock(path.with_suffix(".lock")):
+        if not path.is_file():
+            meshing.build(anatomy_of(source), path, size_of(source))
+    return MeshSection(file=str(path))
+
+
+def _prepare(folder: Path, runs: Mapping[str, tuple[Scenario, Mapping[str, Any]]], workers: Workers) -> Plan:
+    """Hold every scenario against its mesh, and write the plan and the table as it is."""
+    check_outputs(folder, [PLAN, TABLE, TIMING])
+    bench, cases = Workbench(MPI.COMM_SELF), []
+    for name, (scenario, parameters) in runs.items():
+        on_mesh = scenario.model_copy(update={"mesh": shared_mesh(scenario.mesh, folder)})
+        try:
+            probes = bench.simulation(on_mesh).probes.rest
+        except InputError as error:
+            given = ", ".join(f"{key} = {value}" for key, value in parameters.items())
+            raise InputError(f"{name}{given and f' ({given})'}: {error}") from error
+        named = on_mesh.probes if on_mesh.probes is not None else {probe: probe for probe in probes}
+        cases.append(Case.of(name, on_mesh.model_copy(update={"probes": named}), parameters))
+    bench.clear()
+    plan = Plan(folder, cases)
+    plan.write(workers.overwrite)
+    table = RunTable(plan)
+    table.write()
+    workers.watch.begin(len(cases), table.count())
+    return plan
+
+
+def _work_here(plan: Plan, workers: Workers) -> None:
+    """Work on the ranks of this process's mpiexec, a group of them for each run."""
+    comm, (part, of) = MPI.COMM_WORLD, workers.shard
+    group = comm.rank // workers.ranks_per_run
+    table = RunTable(plan)
+
+    def tell(news: News) -> None:
+        if comm.rank == 0:
+            workers.watch.tell(news)
+            if news.outcome is not None:
+                workers.watch.count(table.count())
+
+    name = f"worker-{group}" if of == 1 else f"worker-{part}-{group}"
+    Worker(plan, plan.cases[part - 1 :: of], name, comm.Split(group, comm.rank), tell, workers.figures).go()
+    comm.barrier()
+
+
+class _Processes:
+    """Workers in processes of their own."""
+
+    def __init__(self, plan: Plan, workers: Workers) -> None:
+        self._plan, self._workers = plan, workers
+        self._table = RunTable(plan)
+        self._at_work: dict[Connection, tuple[subprocess.Popen[bytes], str]] = {}
+        self._last: dict[Connection, News] = {}
+
+    def go(self) -> None:
+        """Begin them, listen to them, and replace those that are killed, until all runs are over."""
+        missing = sum(self._plan.outcome(case) is None for case in self._plan.cases)
+        with interruptible() as interrupted:
+            told = False
+            try:
+                for number in range(min(self._workers.jobs, missing)):
+                    self._begin(f"worker-{number}")
+                while self._at_work:
+                    if interrupted() and not told:
+                        told = True
+                        self._stop()
+                    for pipe in wait(list(self._at_work), 0.2):
+                        assert isinstance(pipe, Connection)
+                        self._hear(pipe, told)
+            finally:
+                if not told:
+                    self._stop()
+        if told:
+            raise KeyboardInterrupt
+
+    def _begin(self, name: str) -> None:
+        """Begin a worker; it is in a group of its own, so that Ctrl-C reaches it through this process alone."""
+        here, there = Pipe(duplex=False)
+        environment = {key: value for key, value in os.environ.items() if not key.startswith(LAUNCHER)}
+        with open(self._plan.folder / LOGS / f"{name}.log", "ab") as log:
+            process = subprocess.Popen(
+                worker.command(self._plan.folder, name, there.fileno(), self._workers.figures),
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment, pass_fds=[there.fileno()], process_group=0,
+            )  # fmt: skip
+        there.close()
+        self._at_work[here] = process, name
+
+    def _stop(self) -> None:
+        for process, _ in self._at_work.values():
+            process.send_signal(signal.SIGINT)
+
+    def _hear(self, pipe: Connection, stopped: bool) -> None:
+        try:
+            self._last[pipe] = news = pipe.recv()
+        except EOFError:
+            self._bury(pipe, stopped)
+        else:
+            self._workers.watch.tell(news)
+
+    def _bury(self, pipe: Connection, stopped: bool) -> None:
+        """A worker has ended: if not by itself, say so of its run, and begin another one."""
+        process, name = self._at_work.pop(pipe)
+        code, last = process.wait(), self._last.pop(pipe, None)
+        pipe.close()
+        if code == 0 or stopped:
+            return
+        reason = f"killed by signal {-code}" if code < 0 else f"its process ended with code {code}, see {LOGS}/{name}.log"
+        if last is None:
+            raise RuntimeError(f"{name} did not begin: {reason}")
+        case = next(case for case in self._plan.cases if case.name == last.name)
+        if self._plan.outcome(case) is None:
+            outcome = Outcome(KILLED, reason, worker=name)
+            self._plan.conclude(case, outcome)
+            self._table.append(case, outcome)
+            self._workers.watch.tell(News(case.name, 1.0, outcome))
+        self._begin(name)
