@@ -27,7 +27,10 @@ from tongue_fenicsx.studies.anatomy_statements import STATEMENTS
 HOUSE = Path(__file__).parents[1]
 DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("meshes/*.md")])
 SUBJECT_FILES = HOUSE / "demos" / "example_subject"
-SCENARIOS = sorted(path for room in ("demos", "benchmarks") for path in HOUSE.glob(f"{room}/**/*.toml") if path.parent != SUBJECT_FILES)
+SWEEPS = sorted(HOUSE.glob("demos/sweep*.toml"))
+SCENARIOS = sorted(
+    path for room in ("demos", "benchmarks") for path in HOUSE.glob(f"{room}/**/*.toml") if path.parent != SUBJECT_FILES and path not in SWEEPS
+)
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 
 BONES_OF_PB = ["contact.palate_hard.surface=palate", "contact.pharynx_wall.surface=pharynx"]
@@ -50,7 +53,7 @@ def blocks(language: str) -> list[object]:
 def commands(pattern: str) -> list[object]:
     """Command lines in the documents and in the comments of scenarios that begin as the pattern."""
     line = re.compile(rf"{pattern}(?:mpiexec -n \d+ )?tongue ([a-z][^`\n]*)", re.MULTILINE)
-    sources = [*DOCUMENTS, *SCENARIOS]
+    sources = [*DOCUMENTS, *SCENARIOS, *SWEEPS]
     found = sorted({(name_of(path), text.split(" #")[0].strip()) for path in sources for text in line.findall(path.read_text("utf-8"))})
     return [pytest.param(shlex.split(text)[0], shlex.split(text)[1:], id=f"{path}: {text}") for path, text in found]
 
@@ -93,6 +96,14 @@ def test_scenarios_fit_their_meshes(path: Path, tongue_file: Path, capsys: pytes
     changes += BONES_OF_PB if path.stem == "subject_palate" else []
     with pytest.raises(SystemExit) as leaving:
         main(["check", str(path), *(word for change in changes for word in ("--set", change))])
+    assert (leaving.value.code, capsys.readouterr().err) == (0, "")
+
+
+@pytest.mark.parametrize("path", SWEEPS, ids=name_of)
+def test_sweeps_are_designs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every run is a scenario."""
+    with pytest.raises(SystemExit) as leaving:
+        main(["sweep", str(path), "--dry-run"])
     assert (leaving.value.code, capsys.readouterr().err) == (0, "")
 
 

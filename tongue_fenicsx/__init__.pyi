@@ -33,5 +33,6 @@ from .simulation.quantities import summary as summary
 from .simulation.simulation import Simulation as Simulation
 from .simulation.stepping import Stepping as Stepping
 from .solvers.tolerances import Tolerances as Tolerances
+from .studies.sweep import sweep as sweep
 
 __version__: str

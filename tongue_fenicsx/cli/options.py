@@ -19,6 +19,7 @@ MeshFile = Annotated[Path | None, typer.Option("--mesh", metavar="FILE.msh", hel
 MeshPreset = Annotated[str | None, typer.Option("--preset", help="Of the parametric tongue: coarse, medium or reference.")]
 Tissue = Annotated[str, typer.Option("--tissue", help="calka, buchaillard or kappert.")]
 Muscles = Annotated[list[str] | None, typer.Option("--muscle", metavar="NAME", help="Only this muscle; may be repeated.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Processes that share the runs.")]
 
 
 def check_name(option: str, value: str, accepted: Collection[str]) -> None:

@@ -6,10 +6,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
     from ..simulation.stepping import Progress as StepReport
+    from ..studies.pool import Standing
 
 
 class ProgressBar:
@@ -43,6 +44,54 @@ class ProgressBar:
         if self._lines and not self._console.is_terminal and tenth > self._tenth:
             self._console.print(text)
             self._tenth = tenth
+
+    def say(self, line: str) -> None:
+        """Print a line that stays."""
+        if self._active:
+            self._console.print(line)
+
+
+class RunsBar:
+    """Progress of many runs on one line, with the time that is left; where no terminal is, a line for each tenth. Failures stay."""
+
+    def __init__(self, console: Console, active: bool) -> None:
+        self._console, self._active, self._tenth = console, active, 0
+        self._bar = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not (active and console.is_terminal),
+            speed_estimate_period=3600.0,
+        )
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> RunsBar:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def __call__(self, now: Standing) -> None:
+        """Show how far the runs are."""
+        if self._task is None:  # what is there already says nothing of the speed
+            self._task = self._bar.add_task("", total=now.total, completed=now.over)
+            self._tenth = 10 * now.over // now.total
+            if now.over:
+                self.say(f"{now.over} of {now.total} runs are already there")
+        at_work = ", ".join(f"{name.rpartition('/')[2]} {share:.0%}" for name, share in sorted(now.shares.items())[:4])
+        self._bar.update(
+            self._task,
+            description=f"{now.over} of {now.total} runs; {at_work or 'none at work'}",
+            completed=now.over + sum(now.shares.values()),
+        )
+        if now.ended is not None and now.ended.outcome is not None and now.ended.outcome.reason:
+            self.say(f"{now.ended.name} {now.ended.outcome.status}: {now.ended.outcome.reason}")
+        if not self._console.is_terminal and 10 * now.over // now.total > self._tenth:
+            self._tenth = 10 * now.over // now.total
+            self.say(f"{now.over} of {now.total} runs are over")
 
     def say(self, line: str) -> None:
         """Print a line that stays."""

@@ -33,8 +33,7 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
     """
     data = read_toml(path, "a scenario in TOML")
     for change in changes or []:
-        key, value = parse_change(change)
-        set_key(data, key, value, f"--set {short(change)[1:-1]}")
+        set_option(data, change)
     return scenario_of(data, path.parent, str(path))
 
 
@@ -84,16 +83,17 @@ def scenario_of(data: dict[str, Any], folder: Path, where: str) -> Scenario:
         raise InputError(f"{where}: {explain(error, Scenario)}") from error
 
 
-def parse_change(change: str) -> tuple[str, Any]:
-    """Key and value of ``key.sub=value``."""
+def set_option(data: dict[str, Any], change: str) -> None:
+    """Set a key of nested tables as ``--set key.sub=value`` does."""
     key, separator, text = change.partition("=")
     shown = f"--set {short(change)[1:-1]}"
     if not separator or not key or not text.strip():
         raise InputError(f"{shown}: key=value is expected, such as tissue.nu=0.499.")
     try:
-        return key, toml_value(text)
+        value = toml_value(text)
     except ValueError as error:
         raise InputError(f"{shown}: {error}; a value in TOML is expected.") from error
+    set_key(data, key, value, shown)
 
 
 def toml_value(text: str) -> Any:

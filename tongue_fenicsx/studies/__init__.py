@@ -1,4 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Many runs with one question: atlas, postures, calibration, anatomy."""
+"""Many runs with one question: sweep, atlas, postures, calibration, anatomy; and who does them."""
 
-__all__ = ["anatomy_check", "anatomy_statements", "atlas", "calibration", "postures", "single_muscle"]
+__all__ = [
+    "anatomy_check",
+    "anatomy_statements",
+    "atlas",
+    "calibration",
+    "cases",
+    "designs",
+    "plan",
+    "pool",
+    "postures",
+    "run_table",
+    "single_muscle",
+    "sweep",
+    "sweep_file",
+    "worker",
+]

@@ -64,7 +64,7 @@ def from_table(path: Path) -> list[Change]:
         for number, line in enumerate(lines, 2):
             if len(line) != len(head):
                 raise ValueError(f"line {number} has {len(line)} cells, the first one {len(head)}")
-    return [{key: toml_value(cell) for key, cell in zip(head, line, strict=True) if cell} for line in lines]
+        return [{key: toml_value(cell) for key, cell in zip(head, line, strict=True) if cell} for line in lines]
 
 
 def sampled(between: Mapping[str, tuple[float, float]], n: int, seed: int, method: str = "latin_hypercube") -> list[Change]:

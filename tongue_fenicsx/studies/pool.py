@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
@@ -33,17 +33,33 @@ LAUNCHER = ("PMI", "MPI", "OMPI", "HYDRA")
 """What variables begin with by which a launcher of MPI speaks to its processes; those that they begin are none of its."""
 
 
-class Watch:
-    """Follows many runs; here, without saying anything."""
+@dataclass
+class Standing:
+    """How far many runs are.
 
-    def begin(self, total: int, over: int) -> None:
-        """So many runs there are, and so many were over before."""
+    Attributes
+    ----------
+    total, over : int
+        How many there are, and how many of them are over.
+    shares : dict
+        Name of each that is at work to how much of it is done, 0…1.
+    ended : News, optional
+        Of the one that has just ended.
+    """
 
-    def tell(self, news: News) -> None:
-        """News of a run."""
+    total: int
+    over: int
+    shares: dict[str, float] = field(default_factory=dict)
+    ended: News | None = None
 
-    def count(self, over: int) -> None:
-        """So many are over, whoever did them."""
+    def hear(self, news: News) -> None:
+        """Take news of a run."""
+        self.ended = news if news.outcome is not None else None
+        if self.ended is None:
+            self.shares[news.name] = news.share
+        else:
+            self.over += 1
+            self.shares.pop(news.name, None)
 
 
 @dataclass(frozen=True)
@@ -62,8 +78,8 @@ class Workers:
         Whether to draw the pictures of each run.
     overwrite : bool
         Whether runs of other scenarios in the folder may be replaced.
-    watch : Watch
-        Is told how it goes, on rank 0.
+    report : callable
+        Is told how far the runs are, on rank 0.
 
     Raises
     ------
@@ -76,7 +92,7 @@ class Workers:
     shard: tuple[int, int] = (1, 1)
     figures: bool = False
     overwrite: bool = False
-    watch: Watch = field(default_factory=Watch)
+    report: Callable[[Standing], object] = lambda standing: None
 
     def __post_init__(self) -> None:
         ranks = MPI.COMM_WORLD.size
@@ -112,11 +128,14 @@ def perform(folder: Path, runs: Mapping[str, tuple[Scenario, Mapping[str, Any]]]
     """
     comm = MPI.COMM_WORLD
     plan: Plan = on_rank_zero(comm, lambda: _prepare(folder, runs, workers))
+    standing = Standing(len(plan.cases), sum(1 for _ in plan.over()))
+    if comm.rank == 0:
+        workers.report(standing)
     try:
         if workers.jobs > 1:
-            _Processes(plan, workers).go()
+            _Processes(plan, workers, standing).go()
         else:
-            _work_here(plan, workers)
+            _work_here(plan, workers, standing)
     finally:
         if comm.rank == 0:
             RunTable(plan).write()
@@ -176,13 +195,11 @@ def _prepare(folder: Path, runs: Mapping[str, tuple[Scenario, Mapping[str, Any]]
     bench.clear()
     plan = Plan(folder, cases)
     plan.write(workers.overwrite)
-    table = RunTable(plan)
-    table.write()
-    workers.watch.begin(len(cases), table.count())
+    RunTable(plan).write()
     return plan
 
 
-def _work_here(plan: Plan, workers: Workers) -> None:
+def _work_here(plan: Plan, workers: Workers, standing: Standing) -> None:
     """Work on the ranks of this process's mpiexec, a group of them for each run."""
     comm, (part, of) = MPI.COMM_WORLD, workers.shard
     group = comm.rank // workers.ranks_per_run
@@ -190,9 +207,10 @@ def _work_here(plan: Plan, workers: Workers) -> None:
 
     def tell(news: News) -> None:
         if comm.rank == 0:
-            workers.watch.tell(news)
-            if news.outcome is not None:
-                workers.watch.count(table.count())
+            standing.hear(news)
+            if standing.ended is not None:
+                standing.over = table.count()  # also of other groups
+            workers.report(standing)
 
     name = f"worker-{group}" if of == 1 else f"worker-{part}-{group}"
     Worker(plan, plan.cases[part - 1 :: of], name, comm.Split(group, comm.rank), tell, workers.figures).go()
@@ -202,19 +220,18 @@ def _work_here(plan: Plan, workers: Workers) -> None:
 class _Processes:
     """Workers in processes of their own."""
 
-    def __init__(self, plan: Plan, workers: Workers) -> None:
-        self._plan, self._workers = plan, workers
+    def __init__(self, plan: Plan, workers: Workers, standing: Standing) -> None:
+        self._plan, self._workers, self._standing = plan, workers, standing
         self._table = RunTable(plan)
         self._at_work: dict[Connection, tuple[subprocess.Popen[bytes], str]] = {}
         self._last: dict[Connection, News] = {}
 
     def go(self) -> None:
         """Begin them, listen to them, and replace those that are killed, until all runs are over."""
-        missing = sum(self._plan.outcome(case) is None for case in self._plan.cases)
         with interruptible() as interrupted:
             told = False
             try:
-                for number in range(min(self._workers.jobs, missing)):
+                for number in range(min(self._workers.jobs, self._standing.total - self._standing.over)):
                     self._begin(f"worker-{number}")
                 while self._at_work:
                     if interrupted() and not told:
@@ -251,7 +268,11 @@ class _Processes:
         except EOFError:
             self._bury(pipe, stopped)
         else:
-            self._workers.watch.tell(news)
+            self._tell(news)
+
+    def _tell(self, news: News) -> None:
+        self._standing.hear(news)
+        self._workers.report(self._standing)
 
     def _bury(self, pipe: Connection, stopped: bool) -> None:
         """A worker has ended: if not by itself, say so of its run, and begin another one."""
@@ -261,12 +282,12 @@ class _Processes:
         if code == 0 or stopped:
             return
         reason = f"killed by signal {-code}" if code < 0 else f"its process ended with code {code}, see {LOGS}/{name}.log"
-        if last is None:
+        if last is None and code > 0:
             raise RuntimeError(f"{name} did not begin: {reason}")
-        case = next(case for case in self._plan.cases if case.name == last.name)
-        if self._plan.outcome(case) is None:
+        case = next((case for case in self._plan.cases if last is not None and case.name == last.name), None)
+        if case is not None and self._plan.outcome(case) is None:
             outcome = Outcome(KILLED, reason, worker=name)
             self._plan.conclude(case, outcome)
             self._table.append(case, outcome)
-            self._workers.watch.tell(News(case.name, 1.0, outcome))
+            self._tell(News(case.name, 1.0, outcome))
         self._begin(name)

@@ -3,27 +3,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
-from pydantic import ValidationError
 
-from ..anatomy.catalogue import base_name
-from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
-from ..core.values import explain
-from ..scenario.files import read_toml, scenario_of, set_key
-from ..scenario.schema import ActivationSection, Scenario
+from ..scenario.files import read_toml
+from ..scenario.schema import Scenario
+from .cases import scenarios
 from .designs import Change
-from .plan import Plan
+from .plan import DONE, FAILED, KILLED, Plan
 from .pool import Workers, perform
-from .run_table import write_fields
-
-RISE = 0.1
-"""Time in s in which a muscle that the base leaves at rest rises to the level that a design gives it."""
+from .run_table import TABLE, write_fields
 
 
 def sweep(base: str | Path | Mapping[str, Any], design: Sequence[Change], output: str | Path, **options: Any) -> Path:
@@ -39,7 +33,7 @@ def sweep(base: str | Path | Mapping[str, Any], design: Sequence[Change], output
     output : path
         Takes the run folders, ``table.csv`` and ``fields.h5``.
     **options
-        As of `Workers`: ``jobs``, ``ranks_per_run``, ``shard``, ``figures``, ``overwrite``, ``watch``.
+        As of `Workers`: ``jobs``, ``ranks_per_run``, ``shard``, ``figures``, ``overwrite``, ``report``.
 
     Returns
     -------
@@ -55,7 +49,7 @@ def sweep(base: str | Path | Mapping[str, Any], design: Sequence[Change], output
     """
     tables, folder = (base, Path()) if isinstance(base, Mapping) else (read_toml(Path(base), "a scenario in TOML"), Path(base).parent)
     run(scenarios(tables, folder, design), Path(output), Workers(**options))
-    return Path(output) / "table.csv"
+    return Path(output) / TABLE
 
 
 def run(cases: Sequence[tuple[Scenario, Change]], output: Path, workers: Workers, fields: bool = True) -> tuple[Plan, str]:
@@ -65,76 +59,11 @@ def run(cases: Sequence[tuple[Scenario, Change]], output: Path, workers: Workers
     return plan, on_rank_zero(MPI.COMM_WORLD, lambda: write_fields(plan) if fields else "")
 
 
-def scenarios(base: Mapping[str, Any], folder: Path, design: Sequence[Change]) -> list[tuple[Scenario, Change]]:
-    """The scenario of each run, checked, and what it changes.
-
-    A muscle that any run moves is at rest, not absent, in those that do not move it: so the tendons are the same in all, and
-    so are the forms.
-
-    Parameters
-    ----------
-    base : mapping
-        Tables of a scenario.
-    folder : Path
-        That paths in them are relative to.
-    design : sequence of dict
-        What each run changes.
-
-    Raises
-    ------
-    InputError
-        If a scenario is not accepted; it says which.
-    """
-    if not design:
-        raise InputError("the design has no runs; one or more are expected.")
-    tables = []
-    for index, change in enumerate(design):
-        where = f"run {index} ({', '.join(f'{key} = {_shown(value)}' for key, value in change.items())})"
-        tables.append((changed(base, change, folder, where), where))
-    named = {name for data, _ in tables if isinstance(data.get("activation"), dict) for name in data["activation"]}
-    for data, _ in tables:
-        if isinstance(data.get("activation", {}), dict):
-            data["activation"] = _with_resting(data.get("activation", {}), named)
-    return [(scenario_of(data, folder, where), change) for (data, where), change in zip(tables, design, strict=True)]
-
-
-def changed(base: Mapping[str, Any], change: Change, folder: Path, where: str) -> dict[str, Any]:
-    """Tables of a scenario with other values of some keys; ``activation.MUSCLE`` may be a number (see `sweep`) or pieces."""
-    data: dict[str, Any] = deepcopy(dict(base))
-    for key, value in change.items():
-        table, _, muscle = key.partition(".")
-        if table == "activation" and "." not in muscle and not isinstance(value, dict):
-            before = data.get("activation", {}).get(muscle)
-            value = {"pieces": _scaled(before, value, folder, f"{where}: {key}") if isinstance(value, int | float) else value}
-        set_key(data, key, value, where)
-    return data
-
-
-def _scaled(section: Any, level: float, folder: Path, where: str) -> list[tuple[float, float, float]]:
-    """The pieces of a section of activation with their highest level at `level`."""
-    if section is None:
-        return [(RISE, 0.0, level)]
-    if isinstance(section, dict) and isinstance(section.get("table"), str):
-        section = section | {"table": str(folder / section["table"])}
-    try:
-        pieces = ActivationSection.model_validate(section).course().pieces
-    except ValidationError as error:
-        raise InputError(f"{where}: {explain(error, ActivationSection)}") from error
-    highest = max(max(start, target) for _, start, target in pieces)
-    if highest == 0:
-        return [(RISE, 0.0, level)]
-    return [(duration, level * (start / highest), level * (target / highest)) for duration, start, target in pieces]
-
-
-def _with_resting(activation: Mapping[str, Any], named: set[str]) -> dict[str, Any]:
-    """Activations with those muscles at rest that only others have named, in one order."""
-    sided = {base_name(name) for name in named if base_name(name) != name}
-    wanted = (named - sided) | {f"{muscle}_{side}" for muscle in sided & named for side in "LR"}
-    resting = [name for name in wanted if name not in activation and base_name(name) not in activation]
-    both = {**activation, **{name: {"pieces": [(1.0, 0.0, 0.0)]} for name in resting}}
-    return {name: both[name] for name in sorted(both)}
-
-
-def _shown(value: Any) -> str:
-    text = str(value)
-    return text if len(text) <= 40 else text[:37] + "…"
+def describe(plan: Plan, gathered: str) -> list[str]:
+    """What became of a sweep, in lines."""
+    counts = Counter(outcome.status for _, outcome in plan.over())
+    missing = len(plan.cases) - counts.total()
+    parts = [f"{counts[status]} {status}" for status in (DONE, FAILED, KILLED) if counts[status]] + (
+        [f"{missing} missing"] if missing else []
+    )
+    return [f"{len(plan.cases)} runs: {', '.join(parts)}", f"wrote {plan.folder / TABLE}", *([gathered] if gathered else [])]

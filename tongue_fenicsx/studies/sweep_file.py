@@ -13,7 +13,7 @@ from pydantic import ValidationError, model_validator
 
 from ..core.errors import InputError
 from ..core.values import Duration, Number, OneOf, Real, Share, explain
-from ..scenario.files import parse_change, read_toml, set_key, toml_value
+from ..scenario.files import read_toml, set_option, toml_value
 from ..scenario.schema import Section
 from . import designs
 from .designs import Change
@@ -152,9 +152,16 @@ def from_options(path: Path, vary: Sequence[str], changes: Sequence[str] | None 
             raise InputError(f"--vary {option}: key=value,value,… or key=first:last:number is expected, such as tissue.c10=192,400,1037.")
         if key in levels:
             raise InputError(f"--vary {option}: {key} is varied twice.")
-        several = toml_value(f"[{text}]")
-        levels[key] = _levels(text if RANGE.fullmatch(text) else several if isinstance(several, list) else text.split(","), f"--vary {key}")
+        levels[key] = _levels(text if RANGE.fullmatch(text) else _several(text), f"--vary {key}")
     return base, folder, designs.factorial(levels)
+
+
+def _several(text: str) -> list[Any]:
+    """Values of TOML, or bare words, between commas."""
+    try:
+        return list(toml_value(f"[{text}]"))
+    except ValueError:
+        return text.split(",")
 
 
 def _base(path: Path) -> tuple[dict[str, Any], Path]:
@@ -163,7 +170,7 @@ def _base(path: Path) -> tuple[dict[str, Any], Path]:
 
 def _change(base: dict[str, Any], changes: Sequence[str] | None) -> None:
     for change in changes or ():
-        set_key(base, *parse_change(change), f"--set {change}")
+        set_option(base, change)
 
 
 def _levels(value: Any, where: str) -> list[Any]:

@@ -112,7 +112,7 @@ class Worker:
             if self._figures:
                 on_rank_zero(self._comm, run.plot)
         except (SolveError, InputError) as error:
-            status, reason = FAILED, " ".join(str(error).split())
+            status, reason = FAILED, " ".join(str(error).split()).replace(str(self._plan.folder / case.name), case.name)
             self._bench.clear()
         outcome = Outcome(status, reason, time.perf_counter() - start, self._who)
 
