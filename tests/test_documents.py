@@ -29,7 +29,10 @@ DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("
 SUBJECT_FILES = HOUSE / "demos" / "example_subject"
 SWEEPS = sorted(HOUSE.glob("demos/sweep*.toml"))
 SCENARIOS = sorted(
-    path for room in ("demos", "benchmarks") for path in HOUSE.glob(f"{room}/**/*.toml") if path.parent != SUBJECT_FILES and path not in SWEEPS
+    path
+    for room in ("demos", "benchmarks")
+    for path in HOUSE.glob(f"{room}/**/*.toml")
+    if path.parent != SUBJECT_FILES and path not in SWEEPS
 )
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 

@@ -117,7 +117,11 @@ def test_a_number_for_a_muscle(tmp_path: Path) -> None:
         "time": {"end": 0.2},
         "activation": {"GGP": {"pieces": [[0.1, 0.0, 0.5], [0.1, 0.5, 0.25]]}, "SL": {"table": "sl.csv"}},
     }
-    design = [{"activation.GGP": 1.0, "activation.SL": 0.8}, {"activation.HG": 0.3}, {"activation.MH_L": [[0.1, 0.0, 0.1]]}]
+    design: list[designs.Change] = [
+        {"activation.GGP": 1.0, "activation.SL": 0.8},
+        {"activation.HG": 0.3},
+        {"activation.MH_L": [[0.1, 0.0, 0.1]]},
+    ]
     first, second, third = (
         {name: list(section.course().pieces) for name, section in case.activation.items()}
         for case, _ in cases.scenarios(base, tmp_path, design)
