@@ -4,17 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import gmsh
 import numpy as np
 import pytest
-from conftest import write_block
+from conftest import opened, write_block
+from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.scenario.files import dump, load
+from tongue_fenicsx.testing import box
 
 SCENARIO = """
 [mesh]
@@ -91,6 +95,8 @@ TEXTS: list[tuple[str | bytes, str]] = [
     (SCENARIO.replace("block.msh", "a\\u0000b"), "a\\x00b: the file does not exist"),
     (SCENARIO.replace("block.msh", ""), "is a folder; a Gmsh .msh file"),
     (SCENARIO.replace("block.msh", "x" * 5000), "File name too long"),
+    (SCENARIO.replace('file = "block.msh"', f'subject = "{"x" * 5000}"'), "File name too long"),
+    (f'{SCENARIO}[contact.p]\nsurface = "{"x" * 5000}.stl"', "File name too long"),
     (SCENARIO.replace('"block.msh"', "3"), "mesh.file: input should be a valid string (given: 3)"),
     (SCENARIO.replace('"block.msh"', "['block.msh']"), "mesh.file: input should be a valid string (given: ['block.msh'])"),
     (SCENARIO.replace('file = "block.msh"', ""), "mesh: exactly one of file, parametric and subject is expected"),
@@ -311,3 +317,213 @@ def test_pieces(pieces: list[tuple[float, float, float]]) -> None:
     if isinstance(course, tf.Activation):
         assert course.kinks == sorted(course.kinks)
         assert all(0 <= course(t) <= 1 for t in [0.0, *course.kinks, *np.linspace(0, 2 * min(course.kinks[-1], 1e6), 17)])
+
+
+Tagged = list[tuple[int, list[int]]]
+"""Elements: the tag of the group and volume or surface, 0 for none, and the nodes."""
+
+
+@dataclass
+class Mesh:
+    """A box of tetrahedra, 20 × 10 × 10 mm: volume ``passive``, surfaces ``left`` and ``free``; and what a mesh file says of it."""
+
+    points: np.ndarray
+    cells: Tagged
+    facets: Tagged
+    names: dict[tuple[int, int], str]
+
+    @classmethod
+    def box(cls) -> Mesh:
+        tongue = box((0.02, 0.01, 0.01), (2, 1, 1))
+        mesh, bonded = tongue.mesh, set(tongue.facets(["wall"]).tolist())
+        facets = exterior_facet_indices(mesh.topology)
+        corners = entities_to_geometry(mesh, 2, facets).tolist()
+        cells = mesh.geometry.dofmaps[0].copy()
+        inverted = np.linalg.det(mesh.geometry.x[cells[:, 1:]] - mesh.geometry.x[cells[:, :1]]) < 0
+        cells[inverted] = cells[inverted][:, [1, 0, 2, 3]]
+        tagged = [(2 if facet in bonded else 3, nodes) for facet, nodes in zip(facets.tolist(), corners, strict=True)]
+        names = {(3, 1): "passive", (2, 2): "left", (2, 3): "free"}
+        return cls(mesh.geometry.x.copy(), [(1, nodes) for nodes in cells.tolist()], tagged, names)
+
+    def add(self, other: Mesh) -> None:
+        """Put other tetrahedra beside these."""
+        n = len(self.points)
+        self.points = np.vstack([self.points, other.points])
+        self.cells += [(tag, [n + node for node in nodes]) for tag, nodes in other.cells]
+        self.facets += [(3, [n + node for node in nodes]) for _, nodes in other.facets]
+
+    def write(self, path: Path) -> None:
+        """In Gmsh's format 2, as text."""
+        elements = [(2, *facet) for facet in self.facets] + [(4, *cell) for cell in self.cells]
+        path.write_text(
+            "\n".join(
+                ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(self.names))]
+                + [f'{dim} {tag} "{name}"' for (dim, tag), name in self.names.items()]
+                + ["$EndPhysicalNames", "$Nodes", str(len(self.points))]
+                + [f"{i} {x!r} {y!r} {z!r}" for i, (x, y, z) in enumerate(self.points.tolist(), 1)]
+                + ["$EndNodes", "$Elements", str(len(elements))]
+                + [
+                    f"{i} {kind} 2 {tag} {tag or 9} {' '.join(str(n + 1) for n in nodes)}"
+                    for i, (kind, tag, nodes) in enumerate(elements, 1)
+                ]
+                + ["$EndElements", ""]
+            )
+        )
+
+
+def _beside(mesh: Mesh, away: float) -> None:
+    other = Mesh.box()
+    other.points[:, 0] += away
+    mesh.add(other)
+
+
+def _invert(mesh: Mesh) -> None:
+    tag, nodes = mesh.cells[0]
+    mesh.cells[0] = tag, [nodes[1], nodes[0], *nodes[2:]]
+
+
+def _share(mesh: Mesh) -> None:
+    mesh.cells.append((4, mesh.cells[0][1]))
+    mesh.names[3, 4] = "more"
+
+
+def _rename(mesh: Mesh, **names: str) -> None:
+    mesh.names = {place: names.get(name, name) for place, name in mesh.names.items()}
+
+
+MESHES: list[tuple[Callable[[Mesh], object], str]] = [
+    (lambda m: _beside(m, 0.05), "2 pieces that no common face joins, the smallest of 12 tetrahedra at (10, 5, 5) mm; one is expected."),
+    (lambda m: _beside(m, 0.02), "2 pieces that no common face joins … so merge nodes that lie in one place"),
+    (lambda m: m.cells.extend(m.cells[:3]), "3 tetrahedra are there twice or more, the first at"),
+    (lambda m: m.cells.append((0, m.cells[0][1])), "some volume is in no physical group, 1 tetrahedra, the first at"),
+    (_share, "1 tetrahedra are there twice or more"),
+    (lambda m: m.facets.append((3, m.facets[0][1])), "1 triangles of physical surfaces are there twice or more, the first at"),
+    (lambda m: m.cells.append((1, [0, 1, 2, 999])), "cannot be read (Wrong node index 1000"),
+    (lambda m: m.cells.append((1, [0, 1, 2, 2])), "is inverted or flat (SICN"),
+    (_invert, "is inverted or flat (SICN -"),
+    (lambda m: m.points.__setitem__((0, 0), np.nan), "a coordinate is not a finite number"),
+    (lambda m: m.points.__setitem__((0, 0), 1e300), "the mesh is 1e+300 m long; 0.001 to 1 m is accepted"),
+    (
+        lambda m: m.points.__imul__(1e3),
+        "the mesh is 20 m long; 0.001 to 1 m is accepted, so convert its unit to metres or state it in mesh.unit",
+    ),
+    (lambda m: m.points.__imul__(1e-3), "the mesh is 2e-05 m long"),
+    (lambda m: m.facets.clear(), "no physical surface; name at least the one to be fixed"),
+    (lambda m: m.cells.clear(), "linear tetrahedra only are expected in the volume; found no volume elements"),
+    (lambda m: _rename(m, left=""), "physical surface 2 has no name of its own"),
+    (lambda m: _rename(m, left="free"), "has no name of its own"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "message"), MESHES, ids=[message[:40] for _, message in MESHES])
+def test_meshes(tmp_path: Path, spoil: Callable[[Mesh], object], message: str) -> None:
+    """Own meshes that are in pieces, hold something twice, are inverted, without groups, or in another unit: how much, and where."""
+    path = tmp_path / "own.msh"
+    mesh = Mesh.box()
+    mesh.write(path)
+    assert tf.TongueMesh.read(path).surfaces == {"left": 2, "free": 3}
+    spoil(mesh)
+    mesh.write(path)
+    with pytest.raises(tf.InputError) as refusal:
+        tf.TongueMesh.read(path)
+    said = str(refusal.value)
+    assert said.startswith(f"{path}: ")
+    assert all(part in said for part in message.split(" … "))
+
+
+GARBAGE = [
+    b"",
+    b"garbage" * 100,
+    bytes(range(256)) * 50,
+    b"$MeshFormat\n4.1 1 8\n",
+    b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n9\n1 0 0 0",
+]
+
+
+@pytest.mark.parametrize("content", GARBAGE, ids=range(len(GARBAGE)))
+def test_no_mesh(tmp_path: Path, content: bytes) -> None:
+    """Empty, damaged and other files; geometry that Gmsh would run is not opened."""
+    path = tmp_path / "own.msh"
+    path.write_bytes(content)
+    with pytest.raises(tf.InputError, match=r"own.msh: "):
+        tf.TongueMesh.read(path)
+    script = tmp_path / "own.geo"
+    script.write_text(f'SystemCall "touch {tmp_path}/done";')
+    with pytest.raises(tf.InputError, match="it is no mesh of Gmsh"):
+        tf.TongueMesh.read(script)
+    assert not (tmp_path / "done").exists()
+
+
+def test_mesh_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mesh in mm is read where the scenario, or `mesh.unit`, says so, with the fibres beside it; a saved scenario says it again."""
+    mesh = Mesh.box()
+    mesh.points *= 1e3
+    mesh.write(tmp_path / "block.msh")
+    (tmp_path / "block.fibres.json").write_text('{"passive": [[[0, 5, 5], [20, 5, 5]]]}')
+    tongue = tf.TongueMesh.read(tmp_path / "block.msh", unit="mm")
+    assert np.ptp(tongue.mesh.geometry.x, axis=0) == pytest.approx([0.02, 0.01, 0.01])
+    assert abs(tongue.muscles["passive"].direction[..., 0]) == pytest.approx(1.0)
+    path = tmp_path / "s.toml"
+    for lines, unit in (('units = "mm"', "mm"), ('units = "mm"\nmesh.unit = "cm"', "cm"), ('mesh.unit = "mm"', "mm"), ("", None)):
+        path.write_text(lines + SCENARIO.replace("[mesh]\nfile", "mesh.file"))
+        assert load(path).mesh.unit == unit
+        path.write_text(dump(load(path)))
+        assert load(path).mesh.unit == unit
+    assert "mesh: unit belongs to file" in refused(capsys, tmp_path, "check", path, "--set", "mesh={parametric='coarse',unit='mm'}")
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_quadratic_meshes(tmp_path: Path, curved: bool) -> None:
+    """Straight quadratic tetrahedra are read by their corners, and it is said; curved ones are refused with the largest deviation."""
+    path = tmp_path / "quadratic.msh"
+    write_block(path, (0.02, 0.01, 0.01), (2, 1, 1))
+    with opened(path):
+        gmsh.model.mesh.setOrder(2)
+        if curved:
+            tags, points, _ = gmsh.model.mesh.getNodes()
+            node = int(np.argmin(np.linalg.norm(points.reshape(-1, 3) - [0.02, 0.005, 0.0], axis=1)))  # the middle of an edge
+            gmsh.model.mesh.setNode(tags[node], [0.02, 0.005, 0.0004], [])
+        gmsh.write(str(path))
+    if curved:
+        with pytest.raises(
+            tf.InputError, match=r"tetrahedra that are curved, by up to 0\.4 mm at \(20, 5, 0\) mm; straight ones are expected"
+        ):
+            tf.TongueMesh.read(path)
+    else:
+        tongue = tf.TongueMesh.read(path)
+        assert "read by their corners" in tongue.notes[0]
+        assert tongue.mesh.geometry.x.shape[1] == 3
+        assert tongue.mesh.topology.index_map(0).size_global == 12
+
+
+FIBRES = [
+    (
+        "[[[0, 5, 5], [20, 5, 5]]]",
+        "muscle 'passive': its fibres, up to 2e+04 mm long, lie … they may be in mm; fibres that run through it",
+    ),
+    ("[[[0, 5e-6, 5e-6], [2e-5, 5e-6, 5e-6]]]", "muscle 'passive': its fibres, up to 0.02 mm long, … they may be in m; "),
+    ("[[[5, 5, 5], [5.02, 5, 5]]]", "muscle 'passive': its fibres, up to 20 mm long, lie 86 … mm from it, which is 20 mm long"),
+    ('{"toward": [10, 5, 5]}', "muscle 'passive': its fibres meet 1.222e+04 mm away from it, … times its size"),
+    ("[[[0, 0, 0], [0, 0, 0]]]", "'passive': fibres: they have no length"),
+    ("[[[0, 0, 0], [NaN, 0, 0]]]", "'passive': a polyline of two or more finite points"),
+    ("[[0, 0, 0], [1, 0, 0]]", "'passive': a polyline of two or more finite points"),
+    ('{"direction": [0, 0, 0]}', "'passive': 'direction': direction (of some length) or toward"),
+    ('{"direction": [1, 0, 0], "toward": [0, 0, 0]}', "'passive': {'direction': [1, 0, 0], 'toward': [0, 0, 0]}; one of polylines"),
+    ("{}", "'passive': {}; one of polylines"),
+    ("null", "'passive': None; one of polylines"),
+    ('"x"', "'passive': 'x'; one of polylines"),
+    ('{"direction": "x"}', "'passive': could not convert string to float: 'x'"),
+    ('{"direction": 1}', "'passive': 'int' object is not iterable"),
+]
+
+
+@pytest.mark.parametrize(("fibres", "message"), FIBRES, ids=[fibres for fibres, _ in FIBRES])
+def test_fibres(place: Path, capsys: pytest.CaptureFixture[str], fibres: str, message: str) -> None:
+    """Fibres in another unit, far away, without length, or no fibres: the file, the muscle, and how far it is."""
+    (place / "spoiled.msh").write_bytes((place / "block.msh").read_bytes())
+    (place / "spoiled.fibres.json").write_text(f'{{"passive": {fibres}}}')
+    path = place / "spoiled.toml"
+    path.write_text(SCENARIO.replace("block.msh", "spoiled.msh"))
+    said = refused(capsys, place, "check", path)
+    assert f"error: {path}: {place / 'spoiled.fibres.json'}: " in said
+    assert all(part in said for part in message.split(" … "))

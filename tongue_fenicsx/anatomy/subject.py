@@ -28,15 +28,15 @@ import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..core.errors import InputError, quiet, reading
+from ..core.errors import InputError, quiet, reading, within
 from ..core.types import Bools, Floats
+from ..core.values import UNITS
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.surface import SUFFIXES, Surface, close_surface, read_surface
 from . import catalogue as muscle_facts
 from .anatomy import Anatomy, Muscle
 
 SYNONYMS = {"STY": "SG"}
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 AXES = {"P": (0, 1), "A": (0, -1), "R": (1, 1), "L": (1, -1), "S": (2, 1), "I": (2, -1)}
 """Directions by their letters (posterior, anterior, right, left, superior, inferior): axis of ours and sign."""
 
@@ -292,15 +292,12 @@ def _muscles(
     muscles: dict[str, Muscle] = {}
     by_radius, unknown = [], []
     for bundle, (path, polylines) in bundles.items():
-        lines = [line[np.r_[True, np.any(np.diff(line, axis=0) != 0, axis=1)]] for line in polylines]
-        lines = [line for line in lines if len(line) > 1]
-        if not lines:
-            raise InputError(f"{path}: {bundle!r} has no polyline of two or more points.")
         base, _, side = bundle.partition("_")
         name = "_".join(filter(None, (SYNONYMS.get(base, base), side)))
         if name in muscles:
             raise InputError(f"{path}: {bundle!r} is {name} a second time; STY is another name of SG.")
-        fibres = FibreBundle(lines, smoothing=1.5e-3)
+        with within(path), within(repr(bundle)):
+            fibres = FibreBundle(polylines, smoothing=1.5e-3)
         points, _, lengths = fibres.segments
         share = lengths[surface.contains(points, 1e-3)].sum() / lengths.sum()
         if share < 0.2:

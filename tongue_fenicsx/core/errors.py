@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 from collections.abc import Iterable, Iterator
@@ -25,18 +26,22 @@ def short(value: object, limit: int = 80) -> str:
 
 
 @contextmanager
-def within(path: Path) -> Iterator[None]:
-    """Say which file bad input stands in, where a sentence names only the key.
+def within(where: object) -> Iterator[None]:
+    """Say which file, or which part of one, bad input stands in, where a sentence names only the key.
 
     Raises
     ------
     InputError
-        With the file before the sentence.
+        With the place before the sentence; also for the name of a file that is too long for any.
     """
     try:
         yield
     except InputError as error:
-        raise InputError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error
+        raise InputError(str(error) if str(error).startswith(str(where)) else f"{where}: {error}") from error
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        raise InputError(f"{where}: {error.filename}: {error.strerror}; a shorter one is expected.") from error
 
 
 @contextmanager

@@ -170,6 +170,9 @@ class _Name(Accepts):
         return value if isinstance(value, str) and re.fullmatch(r"\w[\w .+()-]{0,63}", value) else None
 
 
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Units of length of files, in m."""
+
 Number = Annotated[float, Real()]
 Positive = Annotated[float, Real(low=0, above=True)]
 NotNegative = Annotated[float, Real(low=0)]

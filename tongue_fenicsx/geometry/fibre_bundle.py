@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.types import Bools, Floats
 from .fibre_direction import dyads, main_axis
 
@@ -22,15 +23,24 @@ class FibreBundle:
     Parameters
     ----------
     lines : sequence of (n, 3) float arrays
-        Polylines in m.
+        Polylines in m; points that repeat the one before, and lines without length, are left out.
     smoothing : float
         Standard deviation in m of the Gaussian that averages directions of neighbouring fibres.
     spacing : float
         Distance in m between the samples of a fibre that distances are measured to.
+
+    Raises
+    ------
+    InputError
+        If no line has a length.
     """
 
     def __init__(self, lines: Sequence[Floats], smoothing: float = 3e-3, spacing: float = 1e-3) -> None:
-        self.lines = [np.asarray(line, dtype=float) for line in lines]
+        given = [np.asarray(line, dtype=float) for line in lines]
+        apart = [line[np.r_[True, np.any(np.diff(line, axis=0) != 0, axis=1)]] for line in given]
+        self.lines = [line for line in apart if len(line) > 1]
+        if not self.lines:
+            raise InputError("fibres: they have no length; polylines of two or more different points are expected.")
         self.smoothing, self.spacing = smoothing, spacing
 
     @cached_property

@@ -46,8 +46,18 @@ class Surface:
 
     @classmethod
     def read(cls, group: h5py.Group) -> Surface:
-        """The surface that `write` put into an HDF5 group."""
-        return cls(group["points"][:], group["triangles"][:].astype(np.int64))
+        """The surface that `write` put into an HDF5 group.
+
+        Raises
+        ------
+        ValueError
+            If it is damaged.
+        """
+        points, triangles = group["points"][:], group["triangles"][:].astype(np.int64)
+        whole = points.shape[1:] == triangles.shape[1:] == (3,) and np.isfinite(points).all()
+        if not whole or not np.all((triangles >= 0) & (triangles < len(points))):
+            raise ValueError(f"{group.name} is no surface")
+        return cls(points, triangles)
 
     def write(self, group: h5py.Group) -> None:
         """Put points and triangles into an HDF5 group."""

@@ -5,15 +5,16 @@ A physical volume or a cell data set (0…1) named like a muscle is its region; 
 (``GGP_L+TRANS_L``). A cell data set of vectors named like a muscle is region and fibres at once. Otherwise the fibres
 stand in ``FILE.fibres.json`` beside ``FILE.msh``, for each muscle one of
 
-- ``[[[x, y, z], …], …]``, polylines in m;
+- ``[[[x, y, z], …], …]``, polylines, in the unit of the mesh;
 - ``{"direction": [x, y, z]}``, straight fibres;
-- ``{"toward": [x, y, z]}``, a fan that meets in a point (m).
+- ``{"toward": [x, y, z]}``, a fan that meets in a point.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Collection
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +22,16 @@ import gmsh
 import numpy as np
 
 from ..anatomy.catalogue import CATALOGUE, base_name
-from ..core.errors import InputError, reading
+from ..core.errors import InputError, reading, short, within
 from ..core.types import Floats
+from ..core.values import check_name
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.fibre_direction import angle_between, common_sense, dyads, main_axis
 from ..geometry.tetrahedron import volumes
 from .muscle_fields import lump
 
-Direction = Callable[[Floats], Floats]
-
+FAR = 20.0
+"""Lengths and distances of fibres may be this many times the size of their muscle."""
 FIBRES = "polylines, {'direction': [x, y, z]} or {'toward': [x, y, z]}"
 
 
@@ -51,21 +53,28 @@ def partition() -> None:
         model.addPhysicalGroup(3, entities, name=name)
 
 
-def muscles_of_model(path: Path) -> dict[str, Any] | None:
-    """The muscles of the open Gmsh model in the form of ``FILE.h5``; None when it has no fibres at all.
+def muscles_of_model(path: Path, unit: float) -> dict[str, Any] | None:
+    """The muscles of the open Gmsh model, in m, in the form of ``FILE.h5``; None when it has no fibres at all.
+
+    Parameters
+    ----------
+    path : Path
+        Of the mesh.
+    unit : float
+        Unit in m of the fibre file beside it.
 
     Raises
     ------
     InputError
-        If a data set or the fibre file is malformed, or a muscle has a region without fibres or fibres without a region.
+        If a data set or the fibre file is malformed, a muscle has a region without fibres or fibres without a region, or they lie apart.
     """
     tags, nodes = gmsh.model.mesh.getElementsByType(4)
     cells = nodes.astype(np.int64).reshape(-1, 4) - 1
     points = gmsh.model.mesh.getNodes()[1].reshape(-1, 3)
     row = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     row[tags.astype(np.int64)] = np.arange(len(tags))
-    rules = _rules(path.with_suffix(".fibres.json"))
-    shares, vectors = _cell_data(path, row, len(cells))
+    rules = _rules(path.with_suffix(".fibres.json"), unit)
+    shares, vectors = _cell_data(path, row, len(cells), rules)
     named = {name for name in _volume_names() if base_name(name) in CATALOGUE or name in rules}
     if not rules and not vectors:
         return None
@@ -82,6 +91,9 @@ def muscles_of_model(path: Path) -> dict[str, Any] | None:
     for name, vector in vectors.items():
         shares.setdefault(name, (np.linalg.norm(vector, axis=1) > 0).astype(float))
     muscles: dict[str, dict[str, Any]] = {}
+    with within(path):
+        for name in shares:
+            check_name("muscle", name)
     for name, share in shares.items():
         if name not in rules and name not in vectors:
             raise InputError(f"{path}: muscle {name!r} has no fibres; give them in {path.stem}.fibres.json as {FIBRES}.")
@@ -92,6 +104,8 @@ def muscles_of_model(path: Path) -> dict[str, Any] | None:
         used, weight = lump(cells[own], np.repeat((share[own] * volume / 4)[:, None], 4, axis=1), volume)
         muscles[name] = {"cells": own, "nodes": used, "weight": weight}
         if name in rules:
+            with within(path.with_suffix(".fibres.json")):
+                rules[name].check_place(name, points[used])
             muscles[name]["direction"] = rules[name](points[used])
         else:
             given, local = vectors[name][own], np.searchsorted(used, cells[own])
@@ -109,13 +123,18 @@ def _volume_names() -> set[str]:
     return {part for dim, tag in gmsh.model.getPhysicalGroups(3) for part in gmsh.model.getPhysicalName(dim, tag).split("+")}
 
 
-def _cell_data(path: Path, row: np.ndarray, n_cells: int) -> tuple[dict[str, Floats], dict[str, Floats]]:
+def _cell_data(path: Path, row: np.ndarray, n_cells: int, rules: Collection[str]) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Scalar shares (n,) and fibre vectors (n, 3) of the cells by muscle, from the element data of the file."""
     shares, vectors = {}, {}
     for view in gmsh.view.getTags():
         name = gmsh.view.option.getString(view, "Name")
         kind, elements, data, _, components = gmsh.view.getModelData(view, 0)
-        if kind != "ElementData" or base_name(name) not in CATALOGUE:
+        standard = base_name(name) in CATALOGUE
+        if kind != "ElementData":
+            if standard:
+                raise InputError(f"{path}: the data {name!r} are of kind {kind}; a muscle is read from data of cells (ElementData).")
+            continue
+        if not (standard or components == 3 or name in rules):  # not of a muscle
             continue
         values = np.zeros((n_cells, components))
         values[row[np.asarray(elements, dtype=np.int64)]] = np.asarray(data, dtype=float).reshape(-1, components)
@@ -130,32 +149,82 @@ def _cell_data(path: Path, row: np.ndarray, n_cells: int) -> tuple[dict[str, Flo
     return shares, vectors
 
 
-def _rules(path: Path) -> dict[str, Direction]:
+@dataclass(frozen=True)
+class _Rule:
+    """Directions (n, 3) at points (n, 3) in m: along polylines, along a vector, or toward a point."""
+
+    lines: FibreBundle | None = None
+    along: Floats | None = None
+    point: Floats | None = None
+
+    @classmethod
+    def read(cls, given: Any, unit: float) -> _Rule:
+        """The rule that stands in a fibre file, whose unit is `unit` (m)."""
+        if isinstance(given, list):
+            lines = [unit * np.asarray(line, dtype=float) for line in given]
+            if not lines or any(line.ndim != 2 or line.shape[1] != 3 or len(line) < 2 or not np.isfinite(line).all() for line in lines):
+                raise ValueError("a polyline of two or more finite points is expected")
+            return cls(FibreBundle(lines))
+        if not isinstance(given, dict) or len(given) != 1:
+            raise ValueError(f"{short(given)}; one of {FIBRES} is expected")
+        ((kind, value),) = given.items()
+        vector = np.array([float(c) for c in value])
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise ValueError(f"{short(value)} is not three finite numbers")
+        if kind == "direction" and np.any(vector):
+            return cls(along=vector / abs(vector).max())
+        if kind == "toward":
+            return cls(point=unit * vector)
+        raise ValueError(f"{kind!r}: direction (of some length) or toward is expected")
+
+    def __call__(self, points: Floats) -> Floats:
+        if self.lines is not None:
+            return self.lines.direction(points)
+        if self.along is not None:
+            return _unit(np.broadcast_to(self.along, points.shape))
+        return _unit(np.asarray(self.point) - points)
+
+    def check_place(self, name: str, points: Floats) -> None:
+        """Make sure that the fibres have to do with the muscle at points (n, 3).
+
+        Raises
+        ------
+        InputError
+            If polylines lie beside it or are of another order of length, or the point is so far away that its unit is another one.
+        """
+        extent = float(np.ptp(points, axis=0).max())
+        if self.point is not None and (far := float(np.linalg.norm(points - self.point, axis=1).min())) > FAR * extent:
+            raise InputError(
+                f"muscle {name!r}: its fibres meet {1e3 * far:.4g} mm away from it, {far / extent:.0f} times its size; a point near it is "
+                "expected, in the unit of the mesh, or a direction."
+            )
+        if self.lines is None:
+            return
+        away = float(np.median(self.lines.distance(points)))
+        longest = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in self.lines.lines)
+        if away > extent or not extent / FAR < longest < FAR * extent:
+            units = (("mm", 1e-3), ("cm", 1e-2), ("m", 1e3))
+            likely = [f"they may be in {unit}; " for unit, factor in units if 0.2 < factor * longest / extent < 5]
+            raise InputError(
+                f"muscle {name!r}: its fibres, up to {1e3 * longest:.4g} mm long, lie {1e3 * away:.4g} mm from it, which is "
+                f"{1e3 * extent:.4g} mm long; {''.join(likely)}fibres that run through it are expected, in the unit of the mesh."
+            )
+
+
+def _rules(path: Path, unit: float) -> dict[str, _Rule]:
     if not path.exists():
         return {}
     with reading(path, f"an object of muscle names to {FIBRES}"):
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
         if not isinstance(data, dict):
             raise ValueError("it holds no object")
-        return {name: _rule(given) for name, given in data.items()}
-
-
-def _rule(given: Any) -> Direction:
-    """A direction field (n, 3) → (n, 3) from its description."""
-    if isinstance(given, list):
-        lines = [np.asarray(line, dtype=float) for line in given]
-        if not lines or any(line.ndim != 2 or line.shape[1] != 3 or len(line) < 2 or not np.isfinite(line).all() for line in lines):
-            raise ValueError("a polyline of two or more finite points is expected")
-        return FibreBundle(lines).direction
-    ((kind, value),) = given.items()
-    vector = np.array([float(c) for c in value])
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"{value!r} is not three finite numbers")
-    if kind == "direction" and np.any(vector):
-        return lambda points: np.tile(vector / np.linalg.norm(vector), (len(points), 1))
-    if kind == "toward":
-        return lambda points: _unit(vector - points)
-    raise ValueError(f"{kind!r}: direction or toward is expected")
+        rules = {}
+        for name, given in data.items():
+            try:
+                rules[name] = _Rule.read(given, unit)
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"{name!r}: {error}") from error
+        return rules
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,9 +22,11 @@ from ..core.errors import InputError, reading
 from ..core.fingerprint import digest, fingerprint
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
+from ..core.values import UNITS
 from ..geometry.surface import Surface
 from . import build as meshing
 from . import gmsh_import as foreign
+from .mesh_file import open_mesh
 
 Ints = NDArray[np.int32]
 
@@ -99,6 +100,8 @@ class TongueMesh:
         What the tongue is called.
     volumes : dict
         Name of each physical volume to its local cells, ghosts too; where muscles overlap, names are joined by ``+``.
+    notes : tuple of str
+        What a user should know of how it was read.
     """
 
     mesh: dmesh.Mesh
@@ -110,6 +113,7 @@ class TongueMesh:
     bones: dict[str, Surface] = field(default_factory=dict)
     volumes: dict[str, Ints] = field(default_factory=dict)
     digest: str = ""
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def fingerprint(self) -> str:
@@ -152,28 +156,39 @@ class TongueMesh:
         return tongue
 
     @classmethod
-    def read(cls, path: Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
+    def read(cls, path: Path, comm: MPI.Intracomm = MPI.COMM_WORLD, unit: str = "m") -> TongueMesh:
         """Read ``FILE.msh`` and ``FILE.h5`` beside it, or a mesh made elsewhere (see `foreign`).
+
+        Parameters
+        ----------
+        path : Path
+            ``FILE.msh``.
+        comm : MPI communicator
+            Of the mesh.
+        unit : str
+            ``m``, ``cm`` or ``mm``, of a mesh made elsewhere and the fibres beside it; one with an ``.h5`` is in m.
 
         Raises
         ------
         InputError
-            If the file is missing, is not a mesh of linear tetrahedra whose cells and facets have physical names, has an
-            inverted cell, or does not belong to the ``.h5`` beside it.
+            If the file is missing, is not a mesh that `open_mesh` takes, or does not belong to the ``.h5`` beside it.
         """
 
-        def open_and_check() -> dict[str, Any] | None:
+        def open_and_check() -> tuple[dict[str, Any] | None, list[str]]:
             gmsh.initialize(interruptible=False)
             gmsh.option.setNumber("General.Terminal", 0)
+            h5 = path.with_suffix(".h5")
+            metres = 1.0 if h5.exists() else UNITS[unit]
             try:
-                _open_checked(path)
-                return _read_h5(path.with_suffix(".h5")) or foreign.muscles_of_model(path)
-            except InputError:
+                notes = open_mesh(path, metres)
+                return _read_h5(h5) or foreign.muscles_of_model(path, metres), notes
+            except BaseException:
                 gmsh.finalize()
                 raise
 
-        stored = on_rank_zero(comm, open_and_check)
+        stored, notes = on_rank_zero(comm, open_and_check)
         read = on_rank_zero(comm, lambda: digest([path, path.with_suffix(".h5"), path.with_suffix(".fibres.json")]))
+        read += "" if unit == "m" else f" in {unit}"
         try:
             data = dgmsh.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0)
         finally:
@@ -186,7 +201,7 @@ class TongueMesh:
         tags = data.cell_tags
         volumes = {name: tags.find(group.tag).astype(np.int32) for name, group in data.physical_groups.items() if group.dim == 3}
         if stored is None:
-            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes, digest=read)
+            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes, digest=read, notes=tuple(notes))
         row = _match_cells(mesh, stored["cells"], path)
         nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
         muscles = {}
@@ -197,7 +212,7 @@ class TongueMesh:
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry, muscle.get("direction_error"))
-        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, digest=read)
+        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, read, tuple(notes))
 
     def region(self, name: str) -> Ints:
         """Local cells, ghosts too, of a physical volume, also of its parts that others share.
@@ -219,47 +234,6 @@ class TongueMesh:
         return np.asarray(self.facet_tags.indices[np.isin(self.facet_tags.values, tags)], dtype=np.int32)
 
 
-def _open_checked(path: Path) -> None:
-    """Open a mesh in Gmsh and make sure that DOLFINx can read it; it cannot report such errors itself."""
-    with reading(path, "a Gmsh .msh file (tongue build writes one)"):
-        try:
-            gmsh.open(str(path))
-        except Exception as error:  # the gmsh module raises plain Exception
-            raise ValueError(str(error) or "it is no mesh of Gmsh") from error
-    model = gmsh.model
-    model.mesh.renumberNodes()
-    types, tags, _ = model.mesh.getElements(3)
-    if list(types) != [4]:
-        found = ", ".join(model.mesh.getElementProperties(t)[0] for t in types) or "no volume elements"
-        raise InputError(f"{path}: linear tetrahedra only are expected in the volume; found {found}.")
-    coordinates = model.mesh.getNodes()[1].reshape(-1, 3)
-    size = np.ptp(coordinates, axis=0).max()
-    if not 1e-3 <= size <= 1.0:  # also catches NaN
-        raise InputError(f"{path}: the mesh is {size:g} m long; 0.001 to 1 m is accepted, so convert its unit to metres.")
-    for dim, what in ((3, "volume"), (2, "surface")):
-        names = {tag: model.getPhysicalName(dim, tag) for _, tag in model.getPhysicalGroups(dim)}
-        unnamed = [tag for tag, name in names.items() if not name]
-        if unnamed:
-            raise InputError(f"{path}: physical {what} {unnamed[0]} has no name of its own; every physical {what} needs one.")
-        if dim == 3:
-            foreign.partition()
-        owners = Counter(e for _, tag in model.getPhysicalGroups(dim) for e in model.getEntitiesForPhysicalGroup(dim, tag))
-        double = [e for e, count in owners.items() if count > 1]
-        if double:
-            inside = [names[tag] for _, tag in model.getPhysicalGroups(dim) if double[0] in model.getEntitiesForPhysicalGroup(dim, tag)]
-            raise InputError(f"{path}: {what} {double[0]} is in the physical groups {' and '.join(inside)}; exactly one is accepted.")
-        if dim == 3 and any(e not in owners for _, e in model.getEntities(3) if len(model.mesh.getElements(3, e)[0])):
-            raise InputError(f"{path}: some volume is in no physical group; give every volume one physical name.")
-        if dim == 2 and not names:
-            raise InputError(f"{path}: no physical surface; name at least the one to be fixed.")
-    quality = model.mesh.getElementQualities(tags[0], "minSICN")
-    if quality.min() <= 0:
-        worst = int(tags[0][np.argmin(quality)])
-        raise InputError(
-            f"{path}: tetrahedron {worst} is inverted or flat (SICN {quality.min():.3g}); every one must have positive volume."
-        )
-
-
 def _read_h5(path: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
@@ -276,10 +250,15 @@ def _read_h5(path: Path) -> dict[str, Any] | None:
         for name, muscle in stored["muscles"].items():
             cells, nodes, weight, direction = (muscle[key] for key in ("cells", "nodes", "weight", "direction"))
             fits = len(nodes) == len(weight) == len(direction) and np.array_equal(nodes, np.unique(stored["cells"][cells]))
-            if not fits or cells.min() < 0 or not np.isfinite(weight).all():
+            if not fits or cells.min() < 0 or not np.all((weight >= -1e-9) & (weight <= 1 + 1e-9)):
                 raise ValueError(f"muscles/{name} is damaged")
             if not np.allclose(np.linalg.norm(direction, axis=1), 1.0):
                 raise ValueError(f"muscles/{name}/direction is not of unit length")
+            if not all(np.isfinite(part).all() for part in muscle.get("entry", {}).values()):
+                raise ValueError(f"muscles/{name}/entry is damaged")
+        for name, point in stored["landmarks"].items():
+            if point.shape != (3,) or not np.isfinite(point).all():
+                raise ValueError(f"landmarks/{name} is not three finite numbers")
         return stored
 
 

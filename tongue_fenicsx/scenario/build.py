@@ -62,7 +62,7 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False, 
     """
     s = scenario
     if s.mesh.file is not None:
-        return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm))
+        return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm, s.mesh.unit or "m"))
     kept = workspace / MESH_FILES[0]
     if keep_mesh and comm.bcast(kept.is_file()):
         return _simulation(s, TongueMesh.read(kept, comm))

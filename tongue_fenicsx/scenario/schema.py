@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from ..anatomy.parametric.size import PRESETS, SPLITTABLE, TongueShape
-from ..core.values import Direction, Length, Name, OneOf, Rise, Seconds, Vector, hints, in_metres, keys
+from ..core.values import UNITS, Direction, Length, Name, OneOf, Rise, Seconds, Vector, hints, in_metres, keys
 from ..geometry.obstacles import OBSTACLES
 from ..geometry.rigid_motion import RigidMotion
 from ..mechanics.activation import Activation, Excited, Pieces
@@ -82,11 +82,15 @@ def make_law(name: str, section: object, other: Passive | None = None) -> Passiv
 
 
 class MeshSection(Section):
-    """Where the mesh comes from: one of a file, a preset of the parametric tongue, or a subject's folder."""
+    """Where the mesh comes from: one of a file, a preset of the parametric tongue, or a subject's folder.
+
+    The `unit` of a file that ``tongue build`` did not write is that of the scenario, if none is given.
+    """
 
     file: str | None = None
     parametric: Annotated[str, OneOf(names=PRESETS)] | None = None
     subject: str | None = None
+    unit: Annotated[str, OneOf(names=UNITS)] | None = None
     size: Length | None = None
     shape: TongueShape | None = None
     split: list[Annotated[str, OneOf(names=SPLITTABLE)]] = []
@@ -95,6 +99,8 @@ class MeshSection(Section):
     def _one_source(self) -> MeshSection:
         if sum(source is not None for source in (self.file, self.parametric, self.subject)) != 1:
             raise ValueError("exactly one of file, parametric and subject is expected")
+        if self.unit is not None and self.file is None:
+            raise ValueError("unit belongs to file; a subject states its own in frame.toml")
         if self.size is not None and self.file is not None:
             raise ValueError("size belongs to parametric or subject; the mesh file already has one")
         if self.parametric is None and (self.shape is not None or self.split):
@@ -294,6 +300,9 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _in_metres(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("units") == "mm":
-            return in_metres(cls, data) | {"units": "m"}
-        return data
+        if not isinstance(data, dict) or data.get("units") != "mm":
+            return data
+        mesh = data.get("mesh")
+        if isinstance(mesh, dict) and "file" in mesh:
+            data = data | {"mesh": {"unit": "mm"} | mesh}
+        return in_metres(cls, data) | {"units": "m"}
