@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-import signal
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from conftest import EXAMPLE, write_block
 
-from tongue_fenicsx import Run
 from tongue_fenicsx.anatomy.catalogue import CALKA_STRESS
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.scenario.files import dump, load
@@ -267,22 +266,6 @@ def test_solve_that_fails_exits_with_3(scenario: Path, tmp_path: Path, capsys: p
     assert (code, "last good state is saved" in text) == (3, True), text
 
 
-def test_interrupt_and_resume(scenario: Path, tmp_path: Path) -> None:
-    """Ctrl-C ends a run between two steps with exit code 130; --resume finishes it."""
-    command = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o", str(tmp_path / "run"), "--set", "time.end=0.1"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    for line in process.stdout:
-        if line.startswith("t "):
-            process.send_signal(signal.SIGINT)
-            break
-    _, err = process.communicate(timeout=120)
-    assert process.returncode == 130
-    assert "go on with --resume" in err
-    assert subprocess.run([*command, "--resume"], capture_output=True, timeout=300).returncode == 0
-    assert Run(tmp_path / "run").time[-1] == pytest.approx(0.1)
-
-
 def test_bad_input_on_two_ranks(scenario: Path) -> None:
     """Under MPI a fault is said once, and every rank leaves with 2."""
     mpiexec = Path(sys.executable).with_name("mpiexec")
@@ -321,6 +304,21 @@ except SystemExit:
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert "Usage" in result.stdout or "error:" in result.stderr, result.stderr
     assert result.stdout.splitlines()[-1].split() == ["loaded:"]
+
+
+def test_without_dolfinx() -> None:
+    """A command that needs it says so in one sentence."""
+    code = """
+import sys
+sys.modules["dolfinx"] = None
+from tongue_fenicsx.cli.app import main
+main(["check", sys.argv[1]])
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", code, str(EXAMPLE.parent / "cantilever.toml")], capture_output=True, text=True, timeout=60
+    )
+    assert (result.returncode, result.stdout) == (2, "")
+    assert re.fullmatch("error: .*dolfinx.*; tongue doctor says how to install what is missing.", result.stderr.strip())
 
 
 def test_text_is_printed_as_it_is(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

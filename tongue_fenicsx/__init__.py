@@ -6,6 +6,14 @@ first use, so that ``tongue check`` and ``tongue doctor`` answer at once and wit
 """
 
 import os as _os
+import sys as _sys
+
+if _os.path.basename(_sys.argv[0]) in ("-m", "tongue"):  # the command starts: signals end it quietly
+    from .core.interruption import leave_at_once as _leave_at_once
+    from .core.interruption import on_signals as _on_signals
+
+    _on_signals(_leave_at_once)
+
 from importlib import import_module as _import_module
 from importlib.util import find_spec as _find_spec
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from types import ModuleType
 
 STACK = {"basix", "dolfinx", "ffcx", "petsc4py"}
@@ -17,7 +16,7 @@ def import_on_demand() -> None:
     sys.meta_path.insert(0, _WheelFirst())
 
 
-class _WheelFirst(MetaPathFinder):
+class _WheelFirst:
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
         if name in STACK:
             sys.meta_path.remove(self)

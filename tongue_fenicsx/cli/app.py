@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import sys
 import traceback
 from importlib import import_module
@@ -13,7 +14,8 @@ import typer
 from rich.text import Text
 
 from ..core.errors import InputError, SolveError
-from . import commands
+from ..core.interruption import Interrupted
+from . import commands, process
 from .terminal import errors
 
 app = typer.Typer(
@@ -27,10 +29,14 @@ for _module in iter_modules(commands.__path__):
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; exit with 0 done, 2 bad input, 3 the solve failed, 130 interrupted."""
+    """Run the command line; exit with 0 done, 2 bad input, 3 the solve failed, 130 interrupted, 143 terminated."""
     try:
-        result = app(args=arguments, standalone_mode=False)
-        code = result if isinstance(result, int) else 0
+        command = typer.main.get_command(app)
+        with command.make_context("tongue", sys.argv[1:] if arguments is None else arguments) as context:
+            command.invoke(context)  # and not main(), which takes an interruption for its own
+        code = 0
+    except typer.Exit as leaving:
+        code = leaving.exit_code
     except SystemExit as leaving:
         code = leaving.code if isinstance(leaving.code, int) else 1
     except BaseException as error:
@@ -59,12 +65,16 @@ def _end(error: BaseException) -> int:
 
 def _explain(error: BaseException) -> tuple[int, Text]:
     """Exit code and sentence for an exception."""
+    if isinstance(error, Interrupted):
+        return 128 + error.number, Text(str(error))
+    if isinstance(error, KeyboardInterrupt) or process.received:  # then a library may have made another error of it
+        return 128 + (process.received or signal.SIGINT), Text("interrupted")
     if isinstance(error, InputError | SolveError):
         return 2 if isinstance(error, InputError) else 3, _sentence(str(error))
     if isinstance(error, typer.TyperException):
         return 2, _sentence(f"{error.format_message()} See tongue --help.")
-    if isinstance(error, KeyboardInterrupt):
-        return 130, Text("interrupted")
+    if isinstance(error, ImportError) and not str(error.name).startswith("tongue_fenicsx"):
+        return 2, _sentence(f"{error}; tongue doctor says how to install what is missing.")
     return 1, _sentence(repr(error))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Ctrl-C that lets a long computation come to a good end."""
+"""Ctrl-C and SIGTERM that let a long computation come to a good end."""
 
 from __future__ import annotations
 
@@ -9,25 +9,62 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM.
+
+    Parameters
+    ----------
+    number : int
+        The signal.
+    text : str
+        What to say.
+    """
+
+    def __init__(self, number: int, text: str = "interrupted") -> None:
+        super().__init__(number, text)
+        self.number, self.text = number, text
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class Paused(Interrupted):
+    """A run was interrupted between two steps, with everything saved."""
+
+
+def leave_at_once(number: int, frame: object) -> None:
+    """End the process without a word, as signals do of which no program knows."""
+    os._exit(128 + number)
+
+
+def on_signals(handler: Callable[[int, object], object]) -> None:
+    """Let Ctrl-C and SIGTERM call a handler."""
+    for number in SIGNALS:
+        signal.signal(number, handler)
+
 
 @contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """Turn Ctrl-C into a flag, so that a run ends between two steps with everything saved.
+def interruptible() -> Iterator[Callable[[], int]]:
+    """Turn Ctrl-C or SIGTERM into its number, 0 before, so that a run ends between two steps with everything saved; a second one ends it
+    at once.
 
     Outside the main thread, where Python has no signals, nothing is caught.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
+        yield lambda: 0
         return
-    caught = False
+    caught = 0
 
     def note(number: int, frame: object) -> None:
         nonlocal caught
         if caught:
-            os._exit(130)
-        caught = True
+            leave_at_once(number, frame)
+        caught = number
 
-    previous = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    previous = {number: signal.signal(number, note) for number in SIGNALS}
     try:
         yield lambda: caught
     finally:

@@ -11,7 +11,7 @@ from typing import Any
 from mpi4py import MPI
 
 from ..core.errors import SolveError
-from ..core.interruption import interruptible
+from ..core.interruption import Paused, interruptible
 from ..mechanics.model import Model
 from ..runs.checkpoint import Checkpoint
 from ..runs.writer import RunWriter
@@ -85,6 +85,7 @@ class Loop:
         self._record()
         self._output()
         self._set_clock(clock)
+        self._checkpoint()
 
     def resume(self, saved: Checkpoint, clock: float) -> None:
         """Go on from a checkpoint."""
@@ -106,15 +107,15 @@ class Loop:
         ------
         SolveError
             If the solve fails at the smallest step.
-        KeyboardInterrupt
-            If it was interrupted; everything up to the last step is saved.
+        Paused
+            If Ctrl-C or SIGTERM came; everything up to the last step is saved.
         """
         with interruptible() as interrupted:
             while self._now.t < self._task.t_end * (1 - 1e-12):
                 self._step()
-                if self._comm.allreduce(int(interrupted()), op=MPI.MAX):
+                if number := self._comm.allreduce(interrupted(), op=MPI.MAX):
                     self._finish("interrupted")
-                    raise KeyboardInterrupt
+                    raise Paused(number, f"interrupted at t = {self._now.t:.6f} s; everything so far is in {self._where}")
         self._finish("done")
 
     def _step(self) -> None:

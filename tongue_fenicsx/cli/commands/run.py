@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...core.errors import check_outputs, within
+from ...core.interruption import Interrupted, Paused
 from ..options import Changes, ScenarioFile
 from ..progress import ProgressBar
-from ..terminal import console, errors
+from ..terminal import console
 
 if TYPE_CHECKING:
     from ...runs.run import Run
@@ -41,10 +42,8 @@ def run(
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
             result = simulation.run(courses, loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded))
-    except KeyboardInterrupt:
-        if comm.rank == 0:
-            errors.print(f"interrupted; everything so far is in {output}, go on with --resume")
-        raise SystemExit(130) from None
+    except Paused as paused:
+        raise Interrupted(paused.number, f"{paused}, go on with --resume") from None
     if comm.rank == 0:
         _print_result(result)
 
