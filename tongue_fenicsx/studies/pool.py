@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from ..core.errors import InputError, SolveError, check_outputs
 from ..core.fingerprint import fingerprint
-from ..core.interruption import interruptible
+from ..core.interruption import Interrupted, interruptible
 from ..core.parallel import on_rank_zero
 from ..meshing import build as meshing
 from ..runs.run import Run
@@ -123,7 +123,7 @@ def perform(folder: Path, runs: Mapping[str, tuple[Scenario, Mapping[str, Any]]]
     ------
     InputError
         Before any run: if a scenario does not fit its mesh, or the folder holds others.
-    KeyboardInterrupt
+    Interrupted
         If interrupted; what is done is kept, and the same call goes on.
     """
     comm = MPI.COMM_WORLD
@@ -229,22 +229,21 @@ class _Processes:
     def go(self) -> None:
         """Begin them, listen to them, and replace those that are killed, until all runs are over."""
         with interruptible() as interrupted:
-            told = False
+            told = 0
             try:
                 for number in range(min(self._workers.jobs, self._standing.total - self._standing.over)):
                     self._begin(f"worker-{number}")
                 while self._at_work:
-                    if interrupted() and not told:
-                        told = True
+                    if not told and (told := interrupted()):
                         self._stop()
                     for pipe in wait(list(self._at_work), 0.2):
                         assert isinstance(pipe, Connection)
-                        self._hear(pipe, told)
+                        self._hear(pipe, bool(told))
             finally:
                 if not told:
                     self._stop()
         if told:
-            raise KeyboardInterrupt
+            raise Interrupted(told)
 
     def _begin(self, name: str) -> None:
         """Begin a worker; it is in a group of its own, so that Ctrl-C reaches it through this process alone."""

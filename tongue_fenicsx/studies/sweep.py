@@ -44,7 +44,7 @@ def sweep(base: str | Path | Mapping[str, Any], design: Sequence[Change], output
     ------
     InputError
         Before any run, if a scenario or an option is not accepted.
-    KeyboardInterrupt
+    Interrupted
         If interrupted; the same call goes on.
     """
     tables, folder = (base, Path()) if isinstance(base, Mapping) else (read_toml(Path(base), "a scenario in TOML"), Path(base).parent)

@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 
 from ...core.errors import InputError, short
+from ...core.interruption import Interrupted
 from ..options import Changes, Jobs
 from ..progress import RunsBar
-from ..terminal import console, errors, tabulate
+from ..terminal import console, tabulate
 
 
 def sweep(
@@ -58,10 +59,8 @@ def sweep(
         with RunsBar(console, rank == 0) as bar:
             workers = Workers(jobs, ranks_per_run, (int(share[1]), int(share[2])), figures, overwrite, bar)
             plan, gathered = study.run(cases, output, workers, fields)
-    except KeyboardInterrupt:
-        if rank == 0:
-            errors.print(f"interrupted; the same command goes on with what is in {output}")
-        raise SystemExit(130) from None
+    except Interrupted as signal:
+        raise Interrupted(signal.number, f"interrupted; the same command goes on with what is in {output}") from None
     if rank == 0:
         for line in study.describe(plan, gathered):
             console.print(line)
