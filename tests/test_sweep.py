@@ -191,9 +191,7 @@ def test_dry_run(workspace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The design as a table, and nothing else."""
     path = workspace / "dry.toml"
     path.write_text(SWEEP + "[vary]\ntissue.nu = '0.3:0.45:4'")
-    code, said = command(capsys, "sweep", path, "--dry-run")
-    assert code == 0, said
-    assert all(nu in said for nu in ("0.3", "0.35", "0.4", "0.45"))
+    assert command(capsys, "sweep", path, "--dry-run") == (0, "run,tissue.nu\n0,0.3\n1,0.35\n2,0.4\n3,0.45\n")
 
 
 @pytest.fixture(scope="module")

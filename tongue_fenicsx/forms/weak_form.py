@@ -95,6 +95,7 @@ class WeakForm:
         self._springs = Springs(model, measures[len(entries) : len(entries) + len(model.suspended)])
         self._loads = LoadTerms(model, measures[len(entries) + len(model.suspended) :])
         self.ds_contact = ds(len(crossed))
+        self._carried: tuple[list[str], dict[str, float], float] | None = None
         self.renew(model, active)
 
     def fits(self, model: Model, active: Sequence[str]) -> bool:
@@ -111,10 +112,13 @@ class WeakForm:
         self.model = model
         tissue, muscles = model.tissue, _carried(model, active)
         peak = peak_stress(muscles, tissue.peak_stress)
-        fade = tendon_factor(model)
+        carried = list(muscles), peak, model.contraction.tendon_length
         for slots in (self.slots, self.surface_slots):
-            if slots is not None:
-                slots.carry(muscles, peak, fade)
+            if slots is not None and carried != self._carried:
+                slots.carry(muscles, peak, tendon_factor(model))
+            elif slots is not None:
+                slots.activate({})
+        self._carried = carried
         for pull in self.pulls:
             pull.peak_stress = peak[pull.name]
         self._density.value, self._alpha.value, self._beta.value = tissue.density, tissue.damping.alpha, tissue.damping.beta

@@ -8,6 +8,8 @@ are given: the same seed gives the same design everywhere.
 from __future__ import annotations
 
 import csv
+import io
+import json
 import zlib
 from collections.abc import Mapping, Sequence
 from itertools import product as combinations
@@ -146,3 +148,22 @@ def random_activations(
         return pieces
 
     return [{f"activation.{muscle}": course(run, muscle) for muscle in muscles} for run in range(n)]
+
+
+def as_csv(design: Sequence[Change]) -> str:
+    """A design as a table of CSV; the first column is the number of the run."""
+    keys = list(dict.fromkeys(key for change in design for key in change))
+    rows = [[index, *(cell(change[key]) if key in change else "" for key in keys)] for index, change in enumerate(design)]
+    return csv_text([["run", *keys], *rows])
+
+
+def cell(value: Any) -> str | float:
+    """A value as a cell of a table."""
+    return value if isinstance(value, str | int | float) else json.dumps(value)
+
+
+def csv_text(rows: Sequence[Sequence[Any]]) -> str:
+    """Rows as CSV."""
+    file = io.StringIO()
+    csv.writer(file, lineterminator="\n").writerows(rows)
+    return file.getvalue()

@@ -7,11 +7,8 @@ ends. What differs from one time to the next, such as seconds and hosts, stands 
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
-from collections.abc import Sequence
 from typing import Any
 
 import h5py
@@ -19,6 +16,7 @@ import numpy as np
 
 from ..core.fingerprint import fingerprint
 from ..runs.run import Run
+from .designs import cell, csv_text
 from .plan import DONE, Case, Outcome, Plan, replace
 
 TABLE, TIMING, FIELDS = "table.csv", "timing.csv", "fields.h5"
@@ -52,12 +50,12 @@ class RunTable:
         """Write both anew from the run folders."""
         rows = [self._rows(case, outcome) for case, outcome in self._plan.over()]
         for name, columns in self._columns.items():
-            replace(self._plan.folder / name, _text([columns, *([row[name].get(key, "") for key in columns] for row in rows)]))
+            replace(self._plan.folder / name, csv_text([columns, *([row[name].get(key, "") for key in columns] for row in rows)]))
 
     def append(self, case: Case, outcome: Outcome) -> None:
         """Add the row of a run that has ended to both."""
         for name, row in self._rows(case, outcome).items():
-            line = _text([[row.get(key, "") for key in self._columns[name]]]).encode()
+            line = csv_text([[row.get(key, "") for key in self._columns[name]]]).encode()
             handle = os.open(self._plan.folder / name, os.O_WRONLY | os.O_APPEND)
             try:
                 os.write(handle, line)
@@ -71,23 +69,13 @@ class RunTable:
     def _rows(self, case: Case, outcome: Outcome) -> dict[str, dict[str, Any]]:
         path = self._plan.folder / case.name / "summary.json"
         summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        row = {"index": self._index[case.name], **{key: _cell(value) for key, value in case.parameters.items()}}
+        row = {"index": self._index[case.name], **{key: cell(value) for key, value in case.parameters.items()}}
         row |= {"status": outcome.status, "reason": outcome.reason, "folder": case.name}
         timing = {"index": row["index"], "seconds": round(outcome.seconds, 3), "worker": outcome.worker}
         if outcome.status == DONE:
             row |= {key: summary[key] for key in NUMBERS}
             row |= {column: summary["probes"][name][axis] for name, axis, column in self._probes if name in summary["probes"]}
         return {TABLE: row, TIMING: {key: summary[key] for key in TIMES if key in summary} | timing}
-
-
-def _cell(value: Any) -> Any:
-    return value if isinstance(value, str | int | float) else json.dumps(value)
-
-
-def _text(rows: Sequence[Sequence[Any]]) -> str:
-    file = io.StringIO()
-    csv.writer(file, lineterminator="\n").writerows(rows)
-    return file.getvalue()
 
 
 def write_fields(plan: Plan) -> str:
@@ -130,7 +118,7 @@ def write_fields(plan: Plan) -> str:
         for key in dict.fromkeys(key for case in plan.cases for key in case.parameters):
             values = [case.parameters.get(key, "") for case in plan.cases]
             numbers = all(isinstance(value, int | float) for value in values)
-            file[f"parameters/{key}"] = values if numbers else [str(_cell(value)) for value in values]
+            file[f"parameters/{key}"] = values if numbers else [str(cell(value)) for value in values]
         for index, run in runs.items():
             times = run.output_times
             rows = np.abs(run.time[:, None] - times).argmin(axis=0)

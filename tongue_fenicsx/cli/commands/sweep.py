@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
-from ...core.errors import InputError, short
+from ...core.errors import InputError
 from ...core.interruption import Interrupted
 from ..options import Changes, Jobs
 from ..progress import RunsBar
-from ..terminal import console, tabulate
+from ..terminal import console
 
 
 def sweep(
@@ -30,18 +30,17 @@ def sweep(
     fields: Annotated[bool, typer.Option("--fields/--no-fields", help="Gather the displacement of all runs in fields.h5.")] = True,
     figures: Annotated[bool, typer.Option("--figures", help="Draw the pictures of each run.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace runs of another sweep in the folder.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the design and end.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the design as CSV and end.")] = False,
 ) -> None:
     """Run a scenario with many values of its keys: one table, one file of fields; the same command goes on where it was left."""
     from ...studies import sweep_file
     from ...studies.cases import scenarios
+    from ...studies.designs import as_csv
 
     base, folder, design = sweep_file.from_options(file, vary, changes) if vary else sweep_file.load(file, changes)
     cases = scenarios(base, folder, design)
     if dry_run:
-        keys = list(dict.fromkeys(key for change in design for key in change))
-        rows = [[str(index), *(short(change[key], 40) if key in change else "" for key in keys)] for index, change in enumerate(design)]
-        console.print(tabulate([["run", *keys], *rows], f"{len(design)} runs"))
+        console.out(as_csv(design), end="", highlight=False)
         return
     if output is None:
         raise InputError("--output is missing; a folder for the runs is expected, or --dry-run.")
