@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: MIT
 """Numbers from runs; never from a live solver."""
 
-__all__ = ["airway", "electropalatogram", "movement", "tongue_grid", "trajectories"]
+__all__ = ["airway", "comparison", "electropalatogram", "moments", "movement", "tables", "tongue_grid", "trajectories"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.types import Floats
 from ..geometry.surface import Surface
+from .moments import field_at
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -18,10 +19,15 @@ if TYPE_CHECKING:
 
 def grids(run: Run, index: int = -1) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]:
     """The tongue at rest and deformed at an output, with the length of ``displacement`` in mm as point data."""
+    return grids_at(run, float(run.output_times[index]))
+
+
+def grids_at(run: Run, t: float) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]:
+    """The same at a time in s."""
     import pyvista as pv
 
     points, cells = run.mesh
-    u = 1e3 * run.field("displacement", index)
+    u = 1e3 * field_at(run, "displacement", t)
     rest = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, 1e3 * points)
     rest["displacement"] = np.linalg.norm(u, axis=1)
     deformed = rest.copy()

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 console = Console(soft_wrap=True, width=None if sys.stdout.isatty() else 120, markup=False, emoji=False)
@@ -17,7 +17,7 @@ errors = Console(stderr=True, soft_wrap=True, highlight=False, markup=False, emo
 def tabulate(rows: Sequence[Sequence[str | Text]], title: str) -> Table:
     """A table of rows, the names of the columns first."""
     head, *body = rows
-    table = Table(*map(str, head), title=title)
+    table = Table(*(Column(str(name), overflow="fold") for name in head), title=title)
     for row in body:
         table.add_row(*row)
     return table

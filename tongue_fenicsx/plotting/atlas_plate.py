@@ -18,8 +18,7 @@ from ..analysis.tongue_grid import grids, skin
 from ..anatomy.catalogue import CATALOGUE
 from ..core.types import Floats
 from ..runs.run import Run
-from .canvas import open_plotter, save_both
-from .run_figures import COLOURS
+from .canvas import COLOURS, open_plotter, save_both
 
 VIEWS = {
     "from above": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),

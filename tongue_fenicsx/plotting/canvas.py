@@ -7,10 +7,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pyvista as pv
 from matplotlib.figure import Figure
 from vtkmodules.vtkCommonCore import vtkLogger
+
+from ..anatomy.catalogue import base_name
+
+if TYPE_CHECKING:
+    from ..runs.run import Run
+
+COLOURS = "viridis"
+BONE = "#b3926a"
+BACKWARD = "← front    x in mm    back →"
+"""Along an axis of the mid-sagittal plane."""
+
+
+def title_of(run: Run) -> str:
+    """Name of the tongue and the muscles that moved it."""
+    muscles = sorted({base_name(name) for name, level in run.activation.items() if level.any()})
+    return f"{run.summary.get('name', Path(str(run)).name)}: {', '.join(muscles) or 'no active muscle'}"
 
 
 def save_both(figure: Figure, path: Path, dpi: int = 150) -> list[Path]:

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from ..analysis.airway import Airways, Postures
 from ..analysis.tongue_grid import cut, grids, outline, section
 from ..core.types import Floats
-from .canvas import save_both
-from .run_figures import BONE, PATHS, name_parts
+from .canvas import BACKWARD, BONE, save_both
+from .run_figures import PATHS, name_parts
 
 
 def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
@@ -48,7 +48,7 @@ def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
         curve.set(ylabel="distance to the tongue in mm", ylim=(0, None))
         curve.grid(alpha=0.3)
         curve.legend(fontsize=8)
-    rows[-1, 0].set_xlabel("← front    x in mm    back →")
+    rows[-1, 0].set_xlabel(BACKWARD)
     rows[-1, 1].set_xlabel("along the wall, front to back, in mm")
     return save_both(figure, path)
 

@@ -13,22 +13,21 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ..analysis.electropalatogram import ELECTRODES
-from ..analysis.tongue_grid import cut, grids, outline, section, skin
+from ..analysis.tongue_grid import cut, grids, outline, section
 from ..analysis.trajectories import SLOW, motion
-from ..anatomy.catalogue import base_name
-from .canvas import open_plotter, save_both
+from .canvas import BACKWARD, BONE, COLOURS, save_both, title_of
+from .scene import stage
 
 if TYPE_CHECKING:
     from ..analysis.airway import Airway
     from ..analysis.electropalatogram import Electropalatogram
     from ..runs.run import Run
 
-COLOURS = "viridis"
 NEAR = "magma"
-BONE = "#b3926a"
 FRAMES = 24
 """How many electropalatograms are drawn at most."""
-PATHS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
+PATHS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Of lines, which eyes that confuse red and green tell apart too (Okabe and Ito 2008)."""
 PROBES = ("tip", "dorsum", "root")
 """Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
 
@@ -53,7 +52,7 @@ def draw_midsagittal(run: Run, index: int | None = None) -> Path:
     right.set_title(f"at {1e3 * _time(run, index):.0f} ms (dashed: rest)")
     for axes, moment in ((left, 0), (right, index)):
         axes.set_aspect("equal")
-        axes.set_xlabel("← front    x in mm    back →")
+        axes.set_xlabel(BACKWARD)
         for surface in run.obstacles(moment).values():
             axes.add_collection(LineCollection(cut(surface), colors=BONE, linewidths=1.6))
     left.set_ylabel("z in mm")
@@ -62,35 +61,21 @@ def draw_midsagittal(run: Run, index: int | None = None) -> Path:
         (x, _, z), (x_end, _, z_end) = (f(np.vstack([rest.points, deformed.points]), axis=0) for f in (np.min, np.max))
         left.set(xlim=(x - 8, x_end + 8), ylim=(z - 8, z_end + 12))
     figure.colorbar(image, ax=[left, right], label="displacement in mm", shrink=0.8)
-    figure.suptitle(_title(run))
+    figure.suptitle(title_of(run))
     figure.get_layout_engine().set(h_pad=0.1)
     return _save(figure, run, "midsagittal")
 
 
 def draw_view3d(run: Run, index: int | None = None) -> Path:
-    """The deformed tongue from the front left, coloured by displacement, in its transparent rest shape and among the obstacles.
+    """The deformed tongue from the front left, coloured by displacement, in its transparent rest shape and among the obstacles, as PNG.
 
     By default at the output at which the tongue is farthest from rest.
     """
-    index = run.farthest if index is None else index
-    rest, deformed = grids(run, index)
+    t = _time(run, run.farthest if index is None else index)
     path = run.folder / "figures" / "view3d.png"
-    with open_plotter(1200, 900) as plotter:
-        plotter.add_mesh(
-            skin(deformed),
-            scalars="displacement",
-            cmap=COLOURS,
-            smooth_shading=True,
-            clim=(0.0, max(float(deformed["displacement"].max()), 1e-6)),
-            scalar_bar_args={"title": "displacement in mm\n", "color": "black", "fmt": "%.1f", "n_labels": 5},
-        )
-        plotter.add_mesh(skin(rest), color="gray", opacity=0.18, smooth_shading=True)
-        for surface in run.obstacles(index).values():
-            plotter.add_mesh(surface.to_pyvista().scale(1e3, inplace=False), color=BONE, opacity=0.25, smooth_shading=True)
-        plotter.add_text(f"{_title(run)}, {1e3 * _time(run, index):.0f} ms", font_size=11, color="black")
-        plotter.view_vector((-1.2, -1.0, 0.55), viewup=(0, 0, 1))
-        plotter.camera.zoom(1.35)
-        plotter.screenshot(path)
+    with stage(run, "displacement", np.array([t]), "oblique") as (figure, show):
+        show(t)
+        figure.savefig(path)
     return path
 
 
@@ -108,7 +93,7 @@ def draw_trajectories(run: Run) -> Path:
         x, _, z = 1e3 * place.T
         plane.plot(x, z, ".-", color=colour, markersize=2.5, linewidth=1)
         plane.plot(x[0], z[0], "k+", x[-1], z[-1], "ko", markersize=5)
-        plane.set(title=f"{name}: from rest (+) to the end (•)", xlabel="← front    x in mm    back →", ylabel="z in mm")
+        plane.set(title=f"{name}: from rest (+) to the end (•)", xlabel=BACKWARD, ylabel="z in mm")
         plane.set_aspect("equal", adjustable="datalim")
         plane.grid(alpha=0.3)
         over_time.plot(t, x - x[0], color=colour, label=f"{name}, backward")
@@ -122,7 +107,7 @@ def draw_trajectories(run: Run) -> Path:
         axes.set(xlabel="time in ms", xlim=(0, t[-1]))
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
-    figure.suptitle(_title(run))
+    figure.suptitle(title_of(run))
     return _save(figure, run, "trajectories")
 
 
@@ -138,7 +123,7 @@ def draw_contact(run: Run) -> Path:
     for axes in (force, area):
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
-    figure.suptitle(_title(run))
+    figure.suptitle(title_of(run))
     return _save(figure, run, "contact")
 
 
@@ -171,7 +156,7 @@ def draw_electropalatogram(run: Run, record: Electropalatogram) -> Path:
     count.step(1e3 * record.time, record.on.sum(axis=1), where="mid", color="black")
     count.set(xlabel="time in ms", ylabel=f"electrodes on, of {len(ELECTRODES)}", ylim=(0, None))
     count.grid(alpha=0.3)
-    figure.suptitle(f"{_title(run)}: virtual electropalatogram")
+    figure.suptitle(f"{title_of(run)}: virtual electropalatogram")
     return _save(figure, run, "epg")
 
 
@@ -186,7 +171,7 @@ def draw_airway(run: Run, record: Airway) -> Path:
     plane.add_collection(LineCollection(outline(section(moved)), colors="0.1", linewidths=1.4))
     dots = plane.scatter(*record.wall.T, c=record.distance[index], s=9, cmap=NEAR, vmin=0)
     figure.colorbar(dots, ax=plane, label="distance in mm", shrink=0.8)
-    plane.set(aspect="equal", xlabel="← front    x in mm    back →", ylabel="z in mm", title=f"at {1e3 * _time(run, index):.0f} ms")
+    plane.set(aspect="equal", xlabel=BACKWARD, ylabel="z in mm", title=f"at {1e3 * _time(run, index):.0f} ms")
     curve.plot(record.along, record.distance[0], "--", color="0.5", label="at rest")
     curve.plot(record.along, record.distance[index], color="0.1", label=f"at {1e3 * _time(run, index):.0f} ms")
     name_parts(curve, record)
@@ -196,7 +181,7 @@ def draw_airway(run: Run, record: Airway) -> Path:
     image = time.pcolormesh(1e3 * record.time, record.along, record.distance.T, cmap=NEAR, vmin=0)
     figure.colorbar(image, ax=time, label="distance in mm")
     time.set(xlabel="time in ms", ylabel="along the wall in mm")
-    figure.suptitle(f"{_title(run)}: airway")
+    figure.suptitle(f"{title_of(run)}: airway")
     return _save(figure, run, "airway")
 
 
@@ -211,11 +196,6 @@ def name_parts(axes: Axes, record: Airway) -> None:
 def _time(run: Run, index: int) -> float:
     """Time in s of an output."""
     return float(run.output_times[index])
-
-
-def _title(run: Run) -> str:
-    muscles = sorted({base_name(name) for name in run.summary.get("model", {}).get("sigma_max", {})})
-    return f"{run.summary.get('name', run.folder.name)}: {', '.join(muscles) or 'no active muscle'}"
 
 
 def _save(figure: Figure, run: Run, name: str) -> Path:
