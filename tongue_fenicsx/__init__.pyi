@@ -25,6 +25,9 @@ from .mechanics.suspension import Suspension as Suspension
 from .mechanics.tissue import Rayleigh as Rayleigh
 from .mechanics.tissue import Tissue as Tissue
 from .meshing.tongue_mesh import TongueMesh as TongueMesh
+from .plotting.comparison_sheet import draw_comparison as draw_comparison
+from .plotting.movie import draw_movie as draw_movie
+from .plotting.response_curves import draw_responses as draw_responses
 from .runs.figures import figure as figure
 from .runs.run import Run as Run
 from .simulation.quantities import field as field

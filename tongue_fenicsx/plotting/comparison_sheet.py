@@ -20,9 +20,8 @@ from ..analysis.tongue_grid import cut, grids_at, outline, section
 from ..core.errors import InputError
 from ..runs.run import Run
 from .canvas import BACKWARD, BONE
-from .run_figures import PATHS, PROBES
+from .run_figures import DASHES, PATHS, PROBES
 
-DASHES = ("-", "--", ":")
 REST = "0.6"
 
 Style = tuple[str, str]

@@ -28,6 +28,8 @@ FRAMES = 24
 """How many electropalatograms are drawn at most."""
 PATHS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Of lines, which eyes that confuse red and green tell apart too (Okabe and Ito 2008)."""
+DASHES = ("-", "--", ":")
+"""Of more lines than there are colours."""
 PROBES = ("tip", "dorsum", "root")
 """Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
 

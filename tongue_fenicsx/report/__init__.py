@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..analysis.comparison import naturally, open_runs
 from ..core.errors import InputError
-from ..runs.run import Run
 from .page import Detail, page
 
 LIMIT = 15_000_000
@@ -23,7 +23,7 @@ def write_report(folders: Sequence[str | Path], path: str | Path) -> Path:
     Parameters
     ----------
     folders : sequence of path
-        Run folders, at least one.
+        Run folders, at least one; shown in natural order, run2 before run10.
     path : path
         The HTML file. Where it would be larger than `LIMIT`, fewer moments and smaller pictures are shown, and the page says so.
 
@@ -34,7 +34,7 @@ def write_report(folders: Sequence[str | Path], path: str | Path) -> Path:
     """
     if not folders:
         raise InputError("report: at least one run folder is expected.")
-    runs = dict(zip(_labels([Path(folder) for folder in folders]), map(Run, folders), strict=True))
+    runs = open_runs(sorted(folders, key=lambda folder: naturally(str(folder))))
     for detail in LEVELS:
         text = page(runs, detail, reduced=detail != LEVELS[0]).encode()
         if len(text) <= LIMIT:
@@ -44,13 +44,3 @@ def write_report(folders: Sequence[str | Path], path: str | Path) -> Path:
     path = Path(path)
     path.write_bytes(text)
     return path
-
-
-def _labels(folders: list[Path]) -> list[str]:
-    """The names of the folders, or their paths where names repeat, or numbered paths."""
-    names = [folder.resolve().name for folder in folders]
-    paths = [str(folder) for folder in folders]
-    for labels in (names, paths):
-        if len(set(labels)) == len(labels):
-            return labels
-    return [f"{number}: {name}" for number, name in enumerate(paths, start=1)]

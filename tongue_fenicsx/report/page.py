@@ -14,6 +14,7 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
+from ..analysis.comparison import OUTCOME, Quantities
 from ..core.errors import reading
 from ..core.types import Floats
 from ..runs.figures import FIGURES
@@ -29,18 +30,6 @@ STATUS = {
 }
 KILLED = "There is no summary: the run was killed, or it still goes on. The page shows what was on disk."
 
-Quantities = dict[str, tuple[str, float, str]]
-"""Key in ``summary.json`` to label, factor and unit."""
-
-OUTCOME: Quantities = {
-    "t_end": ("time reached", 1e3, "ms"),
-    "peak_speed_m_s": ("peak speed", 1e2, "cm/s"),
-    "hencky_von_mises_max": ("von Mises Hencky strain, 99th percentile", 1.0, ""),
-    "volume_change_max": ("largest change of volume", 1e2, "%"),
-    "min_jacobian": ("smallest J", 1.0, ""),
-    "contact_force_max_N": ("largest contact force", 1.0, "N"),
-    "wall_seconds": ("wall time", 1.0, "s"),
-}
 SOLVER: Quantities = {
     "n_nodes": ("nodes", 1, ""),
     "n_cells": ("tetrahedra", 1, ""),
