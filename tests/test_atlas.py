@@ -62,7 +62,7 @@ def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (tmp_path / "atlas.pdf").stat().st_size > 50_000
     stamp = (tmp_path / "GGP" / "history.h5").stat().st_mtime_ns
     code, text = command(capsys, *options)
-    assert (code, "GGP: already there" in text) == (0, True), text
+    assert (code, "2 of 2 runs are already there" in text) == (0, True), text
     assert (tmp_path / "GGP" / "history.h5").stat().st_mtime_ns == stamp
 
 

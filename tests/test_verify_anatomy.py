@@ -19,7 +19,6 @@ from tongue_fenicsx.core.errors import SolveError
 from tongue_fenicsx.core.types import Floats
 from tongue_fenicsx.studies import anatomy_check as matrix
 from tongue_fenicsx.studies import anatomy_statements as anatomy
-from tongue_fenicsx.studies import single_muscle as solo
 
 CENTRE, RADII = np.array([15.0, 0.0, 22.0]), np.array([35.0, 25.0, 17.0])
 STATIONS = [-20.0, -2.5, 15.0, 50.0]
@@ -131,25 +130,42 @@ def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert all(row["holds"] == "yes" for row in rows)
     monkeypatch.setitem(anatomy.STATEMENTS, "MH", [anatomy.Criterion("tip", "down", "tip_z", high=0.0)])
     code, text = command(capsys, *options)
-    assert (code, "already there" in text, "NO +" in text) == (3, True, True), text
+    assert (code, "1 of 1 runs are already there" in text, "NO +" in text) == (3, True, True), text
     assert "**NO +" in (tmp_path / "anatomy.md").read_text()
 
 
-def test_failed_solve(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A run that cannot be solved fails every criterion of its muscle and stops nothing."""
-
-    def fails(*_: Any) -> Any:
-        raise SolveError("the solve gave up.")
-
-    monkeypatch.setattr(solo, "run", fails)
-    monkeypatch.setattr(solo, "walls_in", lambda mesh: [])
+def test_failed_solve(tmp_path: Path) -> None:
+    """A run that cannot be solved fails every criterion of its muscle."""
     settings = matrix.columns(tmp_path / "coarse.msh")
-    told: list[str] = []
-    found = matrix.check(tmp_path, {column: ["GH", "MH"] for column in settings}, told.append)
+    found = matrix.judge({column: ["GH", "MH"] for column in settings}, lambda column, name: SolveError("the solve gave up."))
     assert not any(cell.holds for cells in found.values() for cell in cells.values())
     assert {str(cell) for cells in found.values() for cell in cells.values()} == {"no solution"}
-    assert len(told) == 6
-    assert told[0] == "coarse calka 1, GH: 0 of 5 hold (the solve gave up.)"
+    assert matrix.counts(found, settings[0]) == "coarse calka 1: 0 of 10 hold"
+
+
+def test_open_statements() -> None:
+    """Seven are stated by textbooks and met by no published fibres: they are counted apart, and the rest must hold."""
+    found = [
+        (muscle, criterion.part, criterion.says) for muscle, those in anatomy.STATEMENTS.items() for criterion in those if criterion.open
+    ]
+    assert found == [
+        ("GGP", "width", "slightly wider"),
+        ("GGA", "root", "hardly moves"),
+        ("HG", "edges", "down"),
+        ("IL", "root", "moves slightly"),
+        ("SL", "root", "hardly moves"),
+        ("VERT", "dorsum", "flat"),
+        ("VERT", "root", "hardly moves"),
+    ]
+    (column, *_) = matrix.columns(Path("coarse.msh"))
+    must, may = (next(c for c in anatomy.criteria("GGA", 1.0) if c.open is is_open) for is_open in (False, True))
+    wrong = {("GGA", must): {column: matrix.Cell(1.0, True)}, ("GGA", may): {column: matrix.Cell(2.0, False)}}
+    assert matrix.holds(wrong)
+    assert matrix.counts(wrong, column) == "coarse calka 1: 1 of 1 hold; of those left open, 0 of 1"
+    assert [matrix.verdict(criterion, cells[column]) for (_, criterion), cells in wrong.items()] == ["+1.00", "open +2.00"]
+    wrong["GGA", must] = {column: matrix.Cell(1.0, False)}
+    assert not matrix.holds(wrong)
+    assert matrix.verdict(must, wrong["GGA", must][column]) == "NO +1.00"
 
 
 @pytest.mark.parametrize(
@@ -159,7 +175,7 @@ def test_failed_solve(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         (["--anatomy", "--muscle", "GPG"], "--muscle: 'GPG' is not one of GGP, GGM"),
         (["--anatomy", "--mesh", "nowhere.msh"], "nowhere.msh: the file does not exist"),
         (["--anatomy", "--only", "patch"], "--only and --anatomy: give one of them"),
-        (["--robust"], "--output belong to --anatomy"),
+        (["--robust"], "--jobs and --overwrite belong to --anatomy"),
         (["--anatomy", "--strict"], "No such option: --strict"),
     ],
 )

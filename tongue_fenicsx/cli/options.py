@@ -19,6 +19,7 @@ MeshFile = Annotated[Path | None, typer.Option("--mesh", metavar="FILE.msh", hel
 MeshPreset = Annotated[str | None, typer.Option("--preset", help="Of the parametric tongue: coarse, medium or reference.")]
 Tissue = Annotated[str, typer.Option("--tissue", help="calka, buchaillard or kappert.")]
 Muscles = Annotated[list[str] | None, typer.Option("--muscle", metavar="NAME", help="Only this muscle; may be repeated.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace runs of other scenarios in the folder.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Processes that share the runs.")]
 
 

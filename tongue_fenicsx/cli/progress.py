@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 class ProgressBar:
-    """Progress with time, step, Newton iterations and the time that is left; plain lines, if wanted, where no terminal is."""
+    """Progress with time, step, Newton iterations and the time that is left; plain lines where no terminal is."""
 
-    def __init__(self, console: Console, active: bool, lines: bool = True) -> None:
-        self._console, self._active, self._lines, self._tenth = console, active, lines, -1
+    def __init__(self, console: Console, active: bool) -> None:
+        self._console, self._tenth = console, -1
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(),
@@ -41,14 +41,9 @@ class ProgressBar:
         text = f"t {1e3 * p.t:.1f} of {1e3 * p.t_end:.0f} ms, step {p.step} ({1e3 * p.h:.2g} ms), {p.newton} Newton, {p.krylov} {p.rung}"
         self._bar.update(self._task, description=text, completed=p.t, total=p.t_end)
         tenth = int(10 * p.t / p.t_end + 1e-9)
-        if self._lines and not self._console.is_terminal and tenth > self._tenth:
+        if not self._console.is_terminal and tenth > self._tenth:
             self._console.print(text)
             self._tenth = tenth
-
-    def say(self, line: str) -> None:
-        """Print a line that stays."""
-        if self._active:
-            self._console.print(line)
 
 
 class RunsBar:
@@ -84,6 +79,7 @@ class RunsBar:
         at_work = ", ".join(f"{name.rpartition('/')[2]} {share:.0%}" for name, share in sorted(now.shares.items())[:4])
         self._bar.update(
             self._task,
+            total=now.total,
             description=f"{now.over} of {now.total} runs; {at_work or 'none at work'}",
             completed=now.over + sum(now.shares.values()),
         )

@@ -10,14 +10,14 @@ from pathlib import Path
 from rich.table import Table
 
 from ..core.errors import check_outputs
-from .progress import ProgressBar
+from .progress import RunsBar
 from .terminal import console
 
 
 def conduct[Found](
     folder: Path | None,
     files: Sequence[str],
-    run: Callable[[Path, ProgressBar], Found],
+    run: Callable[[Path, RunsBar], Found],
     show: Callable[[Found], Iterable[Table | str]],
     write: Callable[[Found, Path], None],
 ) -> Found:
@@ -48,7 +48,7 @@ def conduct[Found](
     comm = MPI.COMM_WORLD
     if folder is not None:
         on_rank_zero(comm, lambda: check_outputs(folder, files))
-    with tempfile.TemporaryDirectory() as scratch, ProgressBar(console, comm.rank == 0, lines=False) as bar:
+    with tempfile.TemporaryDirectory() as scratch, RunsBar(console, comm.rank == 0) as bar:
         found = run(Path(comm.bcast(scratch)), bar)
     if comm.rank == 0:
         for part in show(found):

@@ -18,9 +18,9 @@ from ..core.parallel import on_rank_zero
 from ..core.tables import markdown
 from ..mechanics.tissue import TISSUES
 from ..runs.run import Run
-from ..simulation.stepping import Report
 from . import single_muscle as solo
 from .anatomy_statements import Criterion, criteria
+from .pool import Workers, perform, results
 
 LEVELS = {"calka": (1.0,), "buchaillard": (0.1, 0.3)}
 """Activations by tissue: the stresses of the one are calibrated for full activation, those of the other are greatest forces, of which
@@ -94,7 +94,7 @@ def columns(mesh: Path, subject: Path | None = None, robust: bool = False) -> li
     ]
 
 
-def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[str], None], report: Report | None = None) -> Matrix:
+def check(folder: Path, muscles: Mapping[Column, Sequence[str]], workers: Workers) -> Matrix:
     """Move every muscle alone among the bones in every setting and judge the ends; finished runs of the same scenario are taken.
 
     Parameters
@@ -103,42 +103,68 @@ def check(folder: Path, muscles: Mapping[Column, Sequence[str]], say: Callable[[
         Where the run folders go.
     muscles : mapping
         Setting to its muscles, without sides.
-    say : callable
-        Is told of each muscle.
-    report : callable, optional
-        Called after each step of a run, on rank 0.
+    workers : Workers
+        Who does the runs.
 
     Raises
     ------
     InputError
         If a mesh lacks the landmarks.
     """
-    matrix: Matrix = {}
+    cases = {}
     for column, names in muscles.items():
         walls = solo.walls_in(column.mesh)
         for name in names:
             stress = column.factor * TISSUES[column.tissue].peak_stress[name]
             case = solo.scenario(name, column.mesh, column.tissue, stress, column.level, walls)
-            measured: Movement | None = None
-            try:
-                run, how = solo.run(case, folder / column.folder / name, report)
-                measured = _measure(run)
-            except SolveError as error:
-                how = str(error)
-            found = {criterion: _judge(criterion, measured) for criterion in criteria(name, column.level)}
-            for criterion, cell in found.items():
+            cases[f"{column.folder}/{name}"] = case, {"setting": column.label, "muscle": name}
+    found = results(perform(folder, cases, workers))
+    return judge(muscles, lambda column, name: found[f"{column.folder}/{name}"])
+
+
+def judge(muscles: Mapping[Column, Sequence[str]], ended: Callable[[Column, str], Run | SolveError]) -> Matrix:
+    """Hold the end of each run against the statements about its muscle; one that failed meets none.
+
+    Parameters
+    ----------
+    muscles : mapping
+        Setting to its muscles, without sides.
+    ended : callable
+        Of a setting and a muscle: the run, or why it failed.
+    """
+    matrix: Matrix = {}
+    for column, names in muscles.items():
+        for name in names:
+            run = ended(column, name)
+            measured = None if isinstance(run, SolveError) else _measure(run)
+            for criterion in criteria(name, column.level):
+                cell = Cell(nan, False) if measured is None else Cell(measured[criterion.quantity], criterion.holds(measured))
                 matrix.setdefault((name, criterion), {})[column] = cell
-            say(f"{column.label}, {name}: {sum(cell.holds for cell in found.values())} of {len(found)} hold ({how})")
     return matrix
-
-
-def _judge(criterion: Criterion, measured: Movement | None) -> Cell:
-    return Cell(nan, False) if measured is None else Cell(measured[criterion.quantity], criterion.holds(measured))
 
 
 def _measure(run: Run) -> Movement:
     measured: Movement = on_rank_zero(MPI.COMM_WORLD, partial(movement, run))
     return measured
+
+
+def counts(matrix: Matrix, column: Column) -> str:
+    """How many statements hold in a setting, and apart how many of the open ones."""
+    cells = [(criterion.open, cells[column].holds) for (_, criterion), cells in matrix.items() if column in cells]
+    must, may = ([holds for is_open, holds in cells if is_open is wanted] for wanted in (False, True))
+    return f"{column.label}: {sum(must)} of {len(must)} hold" + (f"; of those left open, {sum(may)} of {len(may)}" if may else "")
+
+
+def holds(matrix: Matrix) -> bool:
+    """Whether all statements hold that are not open."""
+    return all(cell.holds for (_, criterion), cells in matrix.items() for cell in cells.values() if not criterion.open)
+
+
+def verdict(criterion: Criterion, cell: Cell | None) -> str:
+    """A cell in words: nothing where the statement does not apply, NO before a value that should be another one."""
+    if cell is None:
+        return ""
+    return str(cell) if cell.holds else f"{'open' if criterion.open else 'NO'} {cell}"
 
 
 def rows(matrix: Matrix) -> list[tuple[str, Criterion]]:
@@ -153,19 +179,20 @@ def write(matrix: Matrix, settings: Sequence[Column], folder: Path) -> None:
     lines = []
     with open(folder / "anatomy.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["muscle", "part", "statement", "bounds", "tongue", "tissue", "activation", "stress_factor", "value", "holds"])
+        writer.writerow(
+            ["muscle", "part", "statement", "bounds", "tongue", "tissue", "activation", "stress_factor", "value", "holds", "open"]
+        )
         for muscle, criterion in rows(matrix):
             cells = matrix[muscle, criterion]
             start = [muscle, criterion.part, criterion.says, criterion.bounds]
             for column, cell in cells.items():
                 setting = [column.tongue, column.tissue, column.level, column.factor]
-                writer.writerow([*start, *setting, cell.value, "yes" if cell.holds else "no"])
-            lines.append([*start, *(_mark(cells.get(column)) for column in settings)])
+                writer.writerow([*start, *setting, cell.value, *("yes" if is_so else "no" for is_so in (cell.holds, criterion.open))])
+            lines.append([*start, *(_mark(criterion, cells.get(column)) for column in settings)])
     (folder / "anatomy.md").write_text(markdown(head, lines), encoding="utf-8")
 
 
-def _mark(cell: Cell | None) -> str:
-    """A cell in Markdown: empty where the criterion does not apply, bold where it does not hold."""
-    if cell is None:
-        return ""
-    return str(cell) if cell.holds else f"**NO {cell}**"
+def _mark(criterion: Criterion, cell: Cell | None) -> str:
+    """A cell in Markdown, bold where a statement that is not open does not hold."""
+    text = verdict(criterion, cell)
+    return f"**{text}**" if text.startswith("NO") else text

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..analysis.movement import single_muscle_row
@@ -12,8 +12,8 @@ from ..anatomy.catalogue import CATALOGUE
 from ..core.tables import markdown
 from ..mechanics.tissue import TISSUES
 from ..runs.run import Run
-from ..simulation.stepping import Report
 from . import single_muscle as solo
+from .pool import Workers, all_done, perform
 
 MUSCLES = tuple(name for name in CATALOGUE if name != "GGH")
 """All eleven."""
@@ -27,9 +27,7 @@ COLUMNS = {
 """Of the table, and how its numbers are printed."""
 
 
-def move_each(
-    folder: Path, mesh: Path, muscles: list[str], tissue: str, say: Callable[[str], None], report: Report | None = None
-) -> dict[str, Run]:
+def move_each(folder: Path, mesh: Path, muscles: list[str], tissue: str, workers: Workers) -> dict[str, Run]:
     """Run each muscle alone among the bones, each in a folder of its name; one that is already there from the same scenario is taken.
 
     Parameters
@@ -42,25 +40,19 @@ def move_each(
         Without sides, of the catalogue.
     tissue : str
         Preset of the tissue and its peak stresses.
-    say : callable
-        Is told of each muscle.
-    report : callable, optional
-        Called after each step of a run, on rank 0.
+    workers : Workers
+        Who does the runs.
 
     Raises
     ------
     InputError
         If the mesh lacks the landmarks that the table is about.
     SolveError
-        If a run fails.
+        If a run fails; the others are done.
     """
-    runs = {}
-    walls = solo.walls_in(mesh)
-    for name in muscles:
-        case = solo.scenario(name, mesh, tissue, TISSUES[tissue].peak_stress[name], walls=walls)
-        runs[name], how = solo.run(case, folder / name, report)
-        say(f"{name}: {how}")
-    return runs
+    walls, stress = solo.walls_in(mesh), TISSUES[tissue].peak_stress
+    cases = {name: (solo.scenario(name, mesh, tissue, stress[name], walls=walls), {"muscle": name}) for name in muscles}
+    return all_done(perform(folder, cases, workers))
 
 
 def table(runs: Mapping[str, Run]) -> list[list[str]]:

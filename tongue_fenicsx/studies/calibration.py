@@ -4,20 +4,18 @@
 from __future__ import annotations
 
 import math
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from mpi4py import MPI
 
 from ..core.errors import InputError, SolveError
 from ..core.versions import versions
-from ..scenario.build import activation_of, simulation_of
-from ..simulation.stepping import Report
+from ..scenario.schema import Scenario
 from . import single_muscle as solo
+from .pool import Workers, perform, results
 
 TONGUE_MUSCLES = ("GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS")
 """Calibrated; geniohyoid and mylohyoid, bonded at both ends, keep their published ratio to GGP."""
@@ -54,18 +52,21 @@ class Found:
     runs: int
 
 
-def find_stress(strain: Callable[[float], float], target: float, tolerance: float = TOLERANCE, bound: float = BOUND) -> Found:
+def search(target: float, tolerance: float = TOLERANCE, bound: float = BOUND) -> Generator[float, float, Found]:
     """The stress, to two digits, at which a strain that grows with it reaches a target: secant in its logarithm, kept between what is
     too little and what is too much.
 
     Parameters
     ----------
-    strain : callable
-        Of a stress in Pa; raises `SolveError` where the solve fails, which counts as too much.
     target, tolerance : float
         Strain to reach, and how nearly.
     bound : float
         Largest stress in Pa.
+
+    Yields
+    ------
+    float
+        A stress in Pa; its strain is to be sent, infinite where the solve fails, which counts as too much.
 
     Raises
     ------
@@ -75,10 +76,7 @@ def find_stress(strain: Callable[[float], float], target: float, tolerance: floa
     trials: dict[float, float] = {}
     stress = float(f"{min(START, bound):.2g}")
     while stress not in trials and len(trials) < MAX_RUNS:
-        try:
-            trials[stress] = strain(stress)
-        except SolveError:
-            trials[stress] = math.inf
+        trials[stress] = yield stress
         if abs(trials[stress] - target) <= tolerance:
             break
         stress = float(f"{min(_next(trials, target), bound):.2g}")
@@ -118,12 +116,14 @@ def check_target(strain: float) -> None:
 
 
 def calibrate(
-    mesh: Path, muscles: list[str], tissue: str, target: float, say: Callable[[str], None], report: Report | None = None
+    folder: Path, mesh: Path, muscles: list[str], tissue: str, target: float, say: Callable[[str], None], workers: Workers
 ) -> dict[str, Found]:
-    """Find the stress of each muscle with which it alone reaches a `hencky_von_mises_max`.
+    """Find the stress of each muscle with which it alone reaches a `hencky_von_mises_max`; all muscles take their next step at once.
 
     Parameters
     ----------
+    folder : Path
+        Where the run folders go; what is there from an earlier call is taken.
     mesh : Path
         Mesh file.
     muscles : list of str
@@ -134,36 +134,33 @@ def calibrate(
         The 99th percentile of the von Mises Hencky strain by volume, the largest over the outputs.
     say : callable
         Is told of each run.
-    report : callable, optional
-        Called after each step of a run, on rank 0.
+    workers : Workers
+        Who does the runs.
 
     Raises
     ------
     SolveError
         If no stress of a muscle could be solved.
     """
-    comm = MPI.COMM_WORLD
-    found = {}
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(comm.bcast(name))
-        for muscle in muscles:
-
-            def strain(stress: float, muscle: str = muscle) -> float:
-                case = solo.scenario(muscle, mesh, tissue, stress)
-                try:
-                    reached = float(
-                        simulation_of(case, folder)
-                        .run(activation_of(case), case.time.end, folder, report=report)
-                        .summary["hencky_von_mises_max"]
-                    )
-                except SolveError:
-                    say(f"{muscle}: {1e-3 * stress:g} kPa, the solve fails")
-                    raise
-                say(f"{muscle}: {1e-3 * stress:g} kPa, strain {reached:.3f}")
-                return reached
-
-            found[muscle] = find_stress(strain, target)
-    return found
+    found: dict[str, Found] = {}
+    searches = {muscle: search(target) for muscle in muscles}
+    asked = {muscle: next(steps) for muscle, steps in searches.items()}
+    cases: dict[str, tuple[Scenario, dict[str, Any]]] = {}
+    while asked:
+        names = {muscle: f"{muscle}-{stress:g}Pa" for muscle, stress in asked.items()}
+        for muscle, name in names.items():
+            case = solo.scenario(muscle, mesh, tissue, asked[muscle]).model_copy(update={"probes": None})
+            cases[name] = case, {"muscle": muscle, "stress_Pa": asked[muscle]}
+        ended = results(perform(folder, cases, workers))
+        for muscle, name in names.items():
+            run, stress = ended[name], asked.pop(muscle)
+            strain = math.inf if isinstance(run, SolveError) else float(run.summary["hencky_von_mises_max"])
+            say(f"{muscle}: {1e-3 * stress:g} kPa, {f'strain {strain:.3f}' if math.isfinite(strain) else 'the solve fails'}")
+            try:
+                asked[muscle] = searches[muscle].send(strain)
+            except StopIteration as end:
+                found[muscle] = end.value
+    return {muscle: found[muscle] for muscle in muscles}
 
 
 def write(found: Mapping[str, Found], path: Path, mesh: str, tissue: str, target: float) -> None:

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +14,10 @@ from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
 from ..core.tables import markdown
 from ..plotting.run_figures import PROBES
-from ..runs.run import Run
 from ..scenario.schema import POSTURES as HEADS
-from ..scenario.schema import MeshSection, Scenario
-from ..simulation.stepping import Report
+from ..scenario.schema import Scenario
 from . import single_muscle as solo
+from .pool import Workers, all_done, perform
 
 SETTINGS = ("none", *HEADS)
 """Gravity: off, of the upright head, of the supine one."""
@@ -45,7 +43,7 @@ def check(path: Path, case: Scenario) -> None:
         raise InputError(f"{path}: contact: none with a wall of the airway; [contact.NAME] with one of {', '.join(WALLS)} is expected.")
 
 
-def move_each(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], None], report: Report | None = None) -> Postures:
+def move_each(cases: Mapping[str, Scenario], folder: Path, workers: Workers) -> Postures:
     """Run every posture in every setting, in folders of their names; finished runs of the same scenario are taken as they are.
 
     Raises
@@ -53,20 +51,16 @@ def move_each(cases: Mapping[str, Scenario], folder: Path, say: Callable[[str], 
     InputError
         If a scenario does not fit its mesh.
     SolveError
-        If a run fails.
+        If a run fails; the others are done.
     """
-    found: dict[str, dict[str, Run]] = {}
+    probes = {name: name for name in solo.LANDMARKS}
+    runs = {}
     for name, case in cases.items():
-        source = case.mesh
-        if source.file is None:  # one file for all postures on the same mesh
-            path = folder / f"mesh-{hashlib.sha256(repr(source).encode()).hexdigest()[:8]}.msh"
-            source = MeshSection(file=str(solo.build_mesh(source, path)))
+        probed = case.model_copy(update={"probes": probes | (case.probes or {})})
         for setting in SETTINGS:
-            on_mesh = with_gravity(case, setting).model_copy(update={"mesh": source})
-            run, how = solo.run(on_mesh, folder / name / setting, report)
-            found.setdefault(name, {})[setting] = run
-            say(f"{name}, gravity {setting}: {how}")
-    return found
+            runs[f"{name}/{setting}"] = with_gravity(probed, setting), {"posture": name, "gravity": setting}
+    done = all_done(perform(folder, runs, workers))
+    return {name: {setting: done[f"{name}/{setting}"] for setting in SETTINGS} for name in cases}
 
 
 def airways(postures: Postures) -> Airways:

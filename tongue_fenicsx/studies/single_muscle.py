@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,13 +11,9 @@ from mpi4py import MPI
 from ..anatomy.catalogue import CATALOGUE, base_name, resolve
 from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
-from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
-from ..runs.run import Run
-from ..scenario.build import activation_of, anatomy_of, simulation_of, size_of
-from ..scenario.files import dump
 from ..scenario.schema import MeshSection, Scenario
-from ..simulation.stepping import Report
+from .pool import shared_mesh
 
 LANDMARKS = ("tip", "dorsum", "root", "edge_left", "edge_right")
 RISE, HOLD = 0.1, 0.25
@@ -36,9 +30,22 @@ QUICK = {
 
 def mesh_of(mesh: Path | None, preset: str, folder: Path) -> Path:
     """The mesh file: the given one, or that of the parametric tongue, built in `folder` if it is not there yet."""
-    if mesh is not None:
-        return mesh
-    return build_mesh(MeshSection(parametric=preset), folder / f"{preset}.msh")
+    return mesh or _built(MeshSection(parametric=preset), folder, f"{preset}.msh")
+
+
+def subject_mesh(subject: Path, folder: Path) -> Path:
+    """The mesh file of a real subject at the coarse size, built in `folder` if it is not there yet.
+
+    Raises
+    ------
+    InputError
+        If the subject's folder cannot be used (see `subject.read_subject`).
+    """
+    return _built(MeshSection(subject=str(subject)), folder, f"{subject.resolve().name}.msh")
+
+
+def _built(source: MeshSection, folder: Path, name: str) -> Path:
+    return Path(on_rank_zero(MPI.COMM_WORLD, lambda: shared_mesh(source, folder, name)).file)
 
 
 def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) -> list[str]:
@@ -64,25 +71,8 @@ def walls_in(mesh: Path) -> list[str]:
     return [name for name in TongueMesh.read(mesh, MPI.COMM_WORLD).bones if name != "hyoid"]
 
 
-def subject_mesh(subject: Path, folder: Path) -> Path:
-    """The mesh file of a real subject at the coarse size, built in `folder` if it is not there yet.
-
-    Raises
-    ------
-    InputError
-        If the subject's folder cannot be used (see `subject.read_subject`).
-    """
-    return build_mesh(MeshSection(subject=str(subject)), folder / f"{subject.resolve().name}.msh")
-
-
-def build_mesh(source: MeshSection, path: Path) -> Path:
-    """The mesh file of a mesh section in m, built if it is not there yet."""
-    on_rank_zero(MPI.COMM_WORLD, lambda: path.is_file() or meshing.build(anatomy_of(source), path, size_of(source)))
-    return path
-
-
 def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float = 1.0, walls: Sequence[str] = ()) -> Scenario:
-    """Both sides of a muscle from 0 to a level in 100 ms, held to 350 ms: no gravity or stiffening.
+    """Both sides of a muscle from 0 to a level in 100 ms, held to 350 ms: no gravity or stiffening; the landmarks are the probes.
 
     Parameters
     ----------
@@ -107,30 +97,7 @@ def scenario(muscle: str, mesh: Path, tissue: str, stress: float, level: float =
             "time": {"end": RISE + HOLD},
             "activation": {muscle: {"pieces": [(RISE, 0.0, level), (HOLD, level, level)]}},
             "contact": dict.fromkeys(walls, CONTACT),
+            "probes": {name: name for name in LANDMARKS},
         }
         | (QUICK if walls else {})
     )
-
-
-def run(case: Scenario, folder: Path, report: Report | None = None) -> tuple[Run, str]:
-    """Run a scenario with the landmarks as further probes, unless `folder` holds the finished run of the same; also say how long it took.
-
-    Raises
-    ------
-    InputError
-        If the mesh lacks the landmarks.
-    SolveError
-        If the run fails.
-    """
-    case = case.model_copy(update={"probes": {key: key for key in LANDMARKS} | (case.probes or {})})
-    text = dump(case)
-    if on_rank_zero(MPI.COMM_WORLD, partial(_finished, folder, text)):
-        return Run(folder), "already there"
-    done = simulation_of(case, folder).run(activation_of(case), case.time.end, folder, report=report, scenario=text)
-    return done, f"{done.summary['wall_seconds']:.0f} s"
-
-
-def _finished(folder: Path, scenario: str) -> bool:
-    asked, done = folder / "scenario.toml", folder / "summary.json"
-    same = asked.is_file() and asked.read_text(encoding="utf-8") == scenario
-    return same and done.is_file() and json.loads(done.read_text(encoding="utf-8"))["status"] == "done"

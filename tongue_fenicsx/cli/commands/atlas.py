@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..options import MeshFile, MeshPreset, Muscles, Tissue, check_single_muscles
-from ..progress import ProgressBar
+from ..options import Jobs, MeshFile, MeshPreset, Muscles, Overwrite, Tissue, check_single_muscles
+from ..progress import RunsBar
 from ..study import conduct
 from ..terminal import tabulate
 
@@ -26,16 +26,20 @@ def atlas(
     preset: MeshPreset = None,
     tissue: Tissue = "calka",
     muscle: Muscles = None,
+    jobs: Jobs = 1,
+    overwrite: Overwrite = False,
 ) -> None:
     """Move each muscle alone: a table of what it does, and a plate of pictures."""
     from ...studies import atlas as study
     from ...studies import single_muscle as solo
+    from ...studies.pool import Workers
 
     preset = check_single_muscles(mesh, preset, tissue, muscle, study.MUSCLES)
 
-    def run(scratch: Path, bar: ProgressBar) -> dict[str, Run]:
+    def run(scratch: Path, bar: RunsBar) -> dict[str, Run]:
         path = solo.mesh_of(mesh, preset, output)
-        return study.move_each(output, path, solo.muscles_in(path, study.MUSCLES, muscle), tissue, bar.say, bar)
+        muscles = solo.muscles_in(path, study.MUSCLES, muscle)
+        return study.move_each(output, path, muscles, tissue, Workers(jobs, overwrite=overwrite, report=bar))
 
     def show(runs: dict[str, Run]) -> Iterator[Table]:
         yield tabulate(study.table(runs), f"each muscle alone, tissue {tissue}; x backward, z upward")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...core.errors import InputError
-from ..options import MeshFile, MeshPreset, Muscles, Tissue, check_single_muscles
-from ..progress import ProgressBar
+from ..options import Jobs, MeshFile, MeshPreset, Muscles, Overwrite, Tissue, check_single_muscles
+from ..progress import RunsBar
 from ..study import conduct
 from ..terminal import tabulate
 
@@ -28,10 +28,13 @@ def calibrate(
     tissue: Tissue = "calka",
     strain: Annotated[float, typer.Option(help="Von Mises Hencky strain to reach, 99th percentile by volume.")] = 0.5,
     muscle: Muscles = None,
+    jobs: Jobs = 1,
+    overwrite: Overwrite = False,
 ) -> None:
     """Find the peak stress with which each tongue muscle alone reaches a strain."""
     from ...studies import calibration
     from ...studies import single_muscle as solo
+    from ...studies.pool import Workers
 
     if output.suffix != ".toml":
         raise InputError(f"{output}: the file must end in .toml.")
@@ -39,10 +42,11 @@ def calibrate(
     calibration.check_target(strain)
     name = f"parametric tongue, {preset}" if mesh is None else mesh.name
 
-    def run(scratch: Path, bar: ProgressBar) -> dict[str, Found]:
-        path = solo.mesh_of(mesh, preset, scratch)
+    def run(scratch: Path, bar: RunsBar) -> dict[str, Found]:
+        folder = output.with_name(f"{output.stem}-runs")
+        path = solo.mesh_of(mesh, preset, folder)
         muscles = solo.muscles_in(path, calibration.TONGUE_MUSCLES, muscle)
-        return calibration.calibrate(path, muscles, tissue, strain, bar.say, bar)
+        return calibration.calibrate(folder, path, muscles, tissue, strain, bar.say, Workers(jobs, overwrite=overwrite, report=bar))
 
     def show(found: dict[str, Found]) -> Iterator[Table]:
         rows = [("muscle", "peak stress kPa", "strain", "runs", "")]

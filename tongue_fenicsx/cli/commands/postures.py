@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...core.errors import InputError
-from ..options import Changes
-from ..progress import ProgressBar
+from ..options import Changes, Jobs, Overwrite
+from ..progress import RunsBar
 from ..study import conduct
 from ..terminal import tabulate
 
@@ -25,10 +25,13 @@ def postures(
     scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO.toml...", help="Postures, such as demos/postures/*.toml.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folders, the table and the sheet.")],
     changes: Changes = None,
+    jobs: Jobs = 1,
+    overwrite: Overwrite = False,
 ) -> None:
     """Run postures without gravity, upright and supine, and compare the airway over the tongue."""
     from ...scenario.files import load
     from ...studies import postures as study
+    from ...studies.pool import Workers
 
     cases = {path.stem: load(path, changes) for path in scenarios}
     if len(cases) < len(scenarios):
@@ -36,8 +39,8 @@ def postures(
     for path in scenarios:
         study.check(path, cases[path.stem])
 
-    def run(scratch: Path, bar: ProgressBar) -> tuple[Postures, Airways]:
-        found = study.move_each(cases, output, bar.say, bar)
+    def run(scratch: Path, bar: RunsBar) -> tuple[Postures, Airways]:
+        found = study.move_each(cases, output, Workers(jobs, overwrite=overwrite, report=bar))
         return found, study.airways(found)
 
     def show(found: tuple[Postures, Airways]) -> Iterator[Table]:

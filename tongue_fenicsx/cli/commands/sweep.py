@@ -11,7 +11,7 @@ import typer
 
 from ...core.errors import InputError
 from ...core.interruption import Interrupted
-from ..options import Changes, Jobs
+from ..options import Changes, Jobs, Overwrite
 from ..progress import RunsBar
 from ..terminal import console
 
@@ -29,7 +29,7 @@ def sweep(
     shard: Annotated[str, typer.Option("--shard", metavar="I/N", help="Only the I-th of N shares, as in an array job.")] = "1/1",
     fields: Annotated[bool, typer.Option("--fields/--no-fields", help="Gather the displacement of all runs in fields.h5.")] = True,
     figures: Annotated[bool, typer.Option("--figures", help="Draw the pictures of each run.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace runs of another sweep in the folder.")] = False,
+    overwrite: Overwrite = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the design as CSV and end.")] = False,
 ) -> None:
     """Run a scenario with many values of its keys: one table, one file of fields; the same command goes on where it was left."""

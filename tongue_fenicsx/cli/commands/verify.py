@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...core.errors import InputError
-from ..options import MeshFile, Muscles, check_name, check_single_muscles
-from ..progress import ProgressBar
+from ..options import Jobs, MeshFile, Muscles, Overwrite, check_name, check_single_muscles
+from ..progress import RunsBar
 from ..study import conduct
 from ..terminal import console, fail, tabulate
 
@@ -34,15 +34,17 @@ def verify(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="With --anatomy: keep the runs and the matrix here.")
     ] = None,
+    jobs: Jobs = 1,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Compare the model with closed forms and with CalculiX, or muscles with anatomy; exit 0 only if everything holds."""
+    """Compare the model with closed forms and with CalculiX, or muscles with anatomy; exit 0 only if everything holds that is not open."""
     if anatomy:
         if only is not None:
             raise InputError("--only and --anatomy: give one of them.")
-        holds = _verify_anatomy(subject, robust, mesh, muscle, output)
+        holds = _verify_anatomy(subject, robust, mesh, muscle, output, jobs, overwrite)
     else:
-        if subject or robust or mesh or muscle or output:
-            raise InputError("--subject, --robust, --mesh, --muscle and --output belong to --anatomy.")
+        if subject or robust or mesh or muscle or output or jobs != 1 or overwrite:
+            raise InputError("--subject, --robust, --mesh, --muscle, --output, --jobs and --overwrite belong to --anatomy.")
         holds = _verify_cases(only)
     if not holds:
         raise SystemExit(3)
@@ -70,32 +72,34 @@ def _verify_cases(only: str | None) -> bool:
     return holds
 
 
-def _verify_anatomy(subject: Path | None, robust: bool, mesh: Path | None, some: list[str] | None, output: Path | None) -> bool:
-    """Print the matrix of the anatomical criteria; say whether all of them hold."""
+def _verify_anatomy(
+    subject: Path | None, robust: bool, mesh: Path | None, some: list[str] | None, output: Path | None, jobs: int, overwrite: bool
+) -> bool:
+    """Print the matrix of the anatomical criteria; say whether all of them hold that are not open."""
     from ...studies import anatomy_check as study
     from ...studies import atlas
     from ...studies import single_muscle as solo
+    from ...studies.pool import Workers
 
     preset = check_single_muscles(mesh, None, "calka", some, atlas.MUSCLES)
 
-    def run(scratch: Path, bar: ProgressBar) -> tuple[Matrix, list[Column]]:
+    def run(scratch: Path, bar: RunsBar) -> tuple[Matrix, list[Column]]:
         folder = output or scratch
         person = None if subject is None else solo.subject_mesh(subject, folder)
         settings = study.columns(solo.mesh_of(mesh, preset, folder), person, robust)
         muscles = {path: solo.muscles_in(path, atlas.MUSCLES, some) for path in {column.mesh: None for column in settings}}
-        return study.check(folder, {column: muscles[column.mesh] for column in settings}, bar.say, bar), settings
+        workers = Workers(jobs, overwrite=overwrite, report=bar)
+        return study.check(folder, {column: muscles[column.mesh] for column in settings}, workers), settings
 
     def show(found: tuple[Matrix, list[Column]]) -> Iterator[Table | str]:
         matrix, settings = found
         rows: list[list[str | Text]] = [["muscle", "part", "statement", "bounds", *(column.label for column in settings)]]
         for name, criterion in study.rows(matrix):
-            cells = [matrix[name, criterion].get(column) for column in settings]
-            verdicts = ("" if cell is None else str(cell) if cell.holds else fail(f"NO {cell}") for cell in cells)
+            words = [study.verdict(criterion, matrix[name, criterion].get(column)) for column in settings]
+            verdicts = (fail(word) if word.startswith("NO") else word for word in words)
             rows.append([name, criterion.part, criterion.says, criterion.bounds, *verdicts])
         yield tabulate(rows, "what each muscle must do alone")
-        for column in settings:
-            holding = [cells[column].holds for cells in matrix.values() if column in cells]
-            yield f"{column.label}: {sum(holding)} of {len(holding)} hold"
+        yield from (study.counts(matrix, column) for column in settings)
 
     matrix, _ = conduct(output, study.FILES, run, show, lambda found, folder: study.write(*found, folder))
-    return all(cell.holds for cells in matrix.values() for cell in cells.values())
+    return study.holds(matrix)
