@@ -80,7 +80,7 @@ def _one_step(model: tf.Model) -> dict[str, float]:
     before = {event: PETSc.Log.Event(event).getPerfInfo()["time"] for of in EVENTS.values() for event in of}
     stepping = tf.Stepping(step_max=5e-3, output_every=5e-3)
     with tempfile.TemporaryDirectory() as folder:
-        run = tf.Simulation(model, {"tip": (0.06, 0.015, 0.015)}, stepping).run(
+        run = tf.Simulation(model, {"tip": (0.06, 0.015, 0.015)}, stepping, Tolerances.of("tight")).run(
             {"GGP_L": tf.ramp(0.005, 0.1, 0.5)}, 5e-3, Path(folder) / "run"
         )
     s = run.summary

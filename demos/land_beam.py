@@ -58,7 +58,7 @@ def deformed_height(divisions: tuple[int, int, int]) -> float:
     )
     stepping = tf.Stepping(step_max=0.1, output_every=1.0, quasi_static=True)
     simulation = tf.Simulation(
-        model, probes={"tip": (10e-3, 0.5e-3, 1e-3)}, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6, max_newton=30)
+        model, probes={"tip": (10e-3, 0.5e-3, 1e-3)}, stepping=stepping, tolerances=tf.Tolerances.of("tight", rtol=1e-6, max_newton=30)
     )
     run = simulation.run({}, t_end=1.0)
     simulation.close()

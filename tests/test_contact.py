@@ -49,10 +49,9 @@ def sinking(block: tf.TongueMesh, contact: Contact | None, **options: Any) -> tf
 def test_the_floor_carries(block: tf.TongueMesh, scratch: Path, form: str, mixed: bool) -> None:
     """The block comes to rest on the floor: floor and wall carry its weight, it stays out, and the energies balance."""
     model = sinking(block, Contact(FLOOR, form), mixed=mixed)
-    run = tf.Simulation(model, probes=END, stepping=tf.Stepping(output_every=0.1)).run({}, 0.5, scratch)
-    free = tf.Simulation(sinking(block, None, mixed=mixed), probes=END, stepping=tf.Stepping(output_every=0.1)).run(
-        {}, 0.5, scratch / "free"
-    )
+    settings: dict[str, Any] = {"probes": END, "stepping": tf.Stepping(output_every=0.1), "tolerances": tf.Tolerances.of("tight")}
+    run = tf.Simulation(model, **settings).run({}, 0.5, scratch)
+    free = tf.Simulation(sinking(block, None, mixed=mixed), **settings).run({}, 0.5, scratch / "free")
     assert free.probes["end"][-1, 2] < -2e-3 < run.probes["end"][-1, 2] < -5e-4
     floor = run.contact["floor"]
     assert floor["force"][-1, 2] > 1e-3
@@ -79,7 +78,7 @@ def test_shortened_step(block: tf.TongueMesh, squeeze: float) -> None:
     weak = WeakForm(sinking(block, Contact(FLOOR)), [])
     scheme = GeneralizedAlpha(weak.u)
     equations = Equations(weak, scheme)
-    newton = Newton(equations, Tolerances(), print)
+    newton = Newton(equations, Tolerances.of("tight"), print)
     equations.at(0.1, {})
     x, step, b = newton._x, newton._x.duplicate(), newton._b
     newton._evaluate(x, b)
@@ -136,7 +135,7 @@ def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.Mon
 
     def simulate(folder: Path) -> tf.Run:
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        return tf.Simulation(sinking(block, Contact(FLOOR)), probes=END, stepping=stepping).run({}, 0.1, folder)
+        return tf.Simulation(sinking(block, Contact(FLOOR)), END, stepping, tf.Tolerances.of("tight")).run({}, 0.1, folder)
 
     expected = simulate(scratch / "expected")
     right, stiffness = Newton.solve, []

@@ -15,7 +15,7 @@ from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.testing import box, with_fibres
 
 END = {"end": (0.02, 0.005, 0.005)}
-TIGHT = tf.Tolerances(rtol=1e-9, atol=1e-13, linear=1e-7)
+TIGHT = tf.Tolerances.of("tight", rtol=1e-9, atol=1e-13, linear=1e-7)
 
 
 def test_rotation_and_translation() -> None:
@@ -104,7 +104,7 @@ def test_mixed_is_accurate_when_incompressible(scratch: Path) -> None:
             tongue, tf.Tissue(tf.Yeoh(1037.0, 486.0, nu), 1000.0, tf.Rayleigh(20.0)), fixed=["wall"], gravity=(0, 0, -9.81), mixed=mixed
         )
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-6)).run({}, 0.1, scratch)
+        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances.of("tight", rtol=1e-6)).run({}, 0.1, scratch)
         sag.append(-run.probes["end"][-1][2])
     assert sag[1] == pytest.approx(sag[0], rel=0.02)
     assert sag[2] < 0.95 * sag[3]

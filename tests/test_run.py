@@ -25,7 +25,7 @@ from tongue_fenicsx.testing import with_fibres
 from mpi4py import MPI  # isort: skip
 
 GGP = {"GGP": tf.Activation([(0.02, 0.0, 0.2), (0.05, 0.2, 0.2)])}
-TIGHT = tf.Tolerances(rtol=1e-10, atol=1e-13, linear=1e-8)
+TIGHT = tf.Tolerances.of("tight", rtol=1e-10, atol=1e-13, linear=1e-8)
 
 
 def simulate(
@@ -121,7 +121,9 @@ def test_resume_is_exact(tongue: tf.TongueMesh, scratch: Path) -> None:
 def test_resume_refuses_another_problem(tongue: tf.TongueMesh, scratch: Path) -> None:
     """A checkpoint belongs to its model."""
     simulate(tongue, scratch, 0.005)
-    other = tf.Simulation(tf.Model(tongue, replace(tf.Tissue.calka(), density=900.0)))
+    other = tf.Simulation(
+        tf.Model(tongue, replace(tf.Tissue.calka(), density=900.0)), stepping=tf.Stepping(step_max=5e-3, output_every=0.01)
+    )
     with pytest.raises(tf.InputError, match="differs in tissue"):
         other.run(GGP, 0.01, scratch, resume=True)
 

@@ -45,7 +45,9 @@ def test_equilibrium_is_where_motion_ends(block: tf.TongueMesh, scratch: Path) -
             block, tf.Tissue(tf.Tissue.buchaillard().law, 1000.0, tf.Rayleigh(20.0)), fixed=["left"], gravity=(0.0, 0.0, -9.81)
         )
         stepping = tf.Stepping(step_max=0.05, output_every=end, quasi_static=quasi_static)
-        simulation = tf.Simulation(model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=tf.Tolerances(rtol=1e-8))
+        simulation = tf.Simulation(
+            model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=tf.Tolerances.of("tight", rtol=1e-8)
+        )
         run = simulation.run({}, end, scratch / str(quasi_static))
         ends.append(run.probes["end"][-1])
         assert quasi_static == (run.summary["peak_speed_m_s"] == 0.0)

@@ -34,7 +34,7 @@ def hung(block: tf.TongueMesh, suspension: Suspension, mixed: bool = False, beta
 def test_rigid_and_in_equilibrium(block: tf.TongueMesh, scratch: Path, mixed: bool) -> None:
     """The bone's corners keep their distances while it moves and turns; at rest the springs bear what the tongue bears."""
     stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-    tight = tf.Tolerances(rtol=1e-9, atol=1e-13, linear=1e-7, max_newton=30)
+    tight = tf.Tolerances.of("tight", rtol=1e-9, atol=1e-13, linear=1e-7, max_newton=30)
     model = hung(block, Suspension(stiffness=300.0), mixed)
     run = tf.Simulation(model, PROBES, stepping, tight).run({"GGP_L": tf.ramp(0.1, 0.1)}, 0.1, scratch)
     corners = np.array(list(PROBES.values()))
@@ -60,7 +60,7 @@ def test_swings_with_its_springs(block: tf.TongueMesh, scratch: Path) -> None:
     )  # fmt: skip
     period = 2 * np.pi * np.sqrt(mass / stiffness)
     stepping = tf.Stepping(step_max=period / 200, output_every=1.0, spectral_radius=1.0)
-    tight = tf.Tolerances(rtol=1e-8, atol=1e-14, linear=1e-6)
+    tight = tf.Tolerances.of("tight", rtol=1e-8, atol=1e-14, linear=1e-6)
     run = tf.Simulation(model, PROBES, stepping, tight).run({"GGP_L": lambda t: 1.0}, period, scratch)
     x = np.mean([path[:, 0] for path in run.probes.values()], axis=0)
     np.testing.assert_allclose(x, x.min() / 2 * (1 - np.cos(2 * np.pi * run.time / period)), atol=0.01 * abs(x.min()))
@@ -75,7 +75,7 @@ def test_tangent(block: tf.TongueMesh, mixed: bool) -> None:
     weak.frozen = weak.u  # the whole derivative
     scheme = GeneralizedAlpha(weak.u, 0.8, weak.pressure)
     scheme.begin(0.01)
-    newton = Newton(Equations(weak, scheme), Tolerances(), lambda line: None)
+    newton = Newton(Equations(weak, scheme), Tolerances.of("tight"), lambda line: None)
     assert newton._bodies is not None
     weak.u.interpolate(lambda X: 1e-3 * np.array([np.sin(100 * X[1]), np.sin(90 * X[0]), np.sin(80 * X[0])]))
     x = newton._x

@@ -121,12 +121,12 @@ DEMOS = [path for path in sorted((Path(__file__).parents[1] / "demos").rglob("*.
 
 @pytest.mark.parametrize("path", DEMOS, ids=lambda path: path.stem)
 def test_saved_scenarios_load_again(path: Path, tmp_path: Path) -> None:
-    """What is saved of a demo says the same again, in m, and holds one of step and step_max."""
+    """What is saved of a demo says the same again, in m, and holds at most one of step and step_max."""
     scenario = load(path)
     (tmp_path / "saved.toml").write_text(dump(scenario), encoding="utf-8")
     again = load(tmp_path / "saved.toml")
     assert again.model_copy(update={"mesh": scenario.mesh}) == scenario
-    assert (scenario.time.step is None) != (scenario.time.step_max is None)
+    assert None in (scenario.time.step, scenario.time.step_max)
 
 
 def test_a_scenario_is_checked_without_the_solver(tmp_path: Path) -> None:

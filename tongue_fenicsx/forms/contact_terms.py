@@ -73,12 +73,12 @@ class _Term:
         if self.contact.motion is not None:
             self.placed = Moved(self.contact.obstacle, *self.contact.motion.pose(t))
 
-    def augment(self, depth: float) -> None:
-        """Press harder where the obstacle is penetrated to `depth` (m), which is beyond the tolerance."""
+    def augment(self, depth: float, allowed: float) -> None:
+        """Press harder where the obstacle is penetrated to `depth` (m), which is beyond what is `allowed`."""
         if self.contact.form == "penalty":
             self.multiplier.x.array[:] = np.maximum(self.multiplier.x.array - self.gap.x.array / float(self.gamma.value), 0.0)
         else:
-            self.gamma.value *= min(0.5, (self.contact.tolerance / depth) ** 1.5)
+            self.gamma.value *= min(0.5, (allowed / depth) ** 1.5)
 
     def update(self, points: Floats, cells: NDArray[np.int32]) -> None:
         """Evaluate the obstacle at deformed points (n_cells, q, 3) of the surface's cells."""
@@ -185,12 +185,15 @@ class ContactSet:
         for term in self.terms.values():
             term.update(self._points, self._cells)
 
-    def augment(self) -> bool:
-        """Press harder against each obstacle that is penetrated beyond its tolerance; whether there is one."""
-        deep = [(term, depth) for term in self.terms.values() if (depth := self.penetration(term)) > term.contact.tolerance]
-        for term, depth in deep:
-            term.augment(depth)
-        return bool(deep)
+    def augment(self, default: float) -> bool:
+        """Press harder against each obstacle that is penetrated beyond its tolerance, or the `default` (m); whether there is one."""
+        deep = False
+        for term in self.terms.values():
+            depth, allowed = self.penetration(term), term.contact.tolerance or default
+            if depth > allowed:
+                term.augment(depth, allowed)
+                deep = True
+        return deep
 
     @property
     def gammas(self) -> tuple[float, ...]:

@@ -37,8 +37,9 @@ class Contact:
         Variant of Nitsche's method: 0, 1 (of a potential) or −1 (stable for any parameter).
     stiffness : float
         Factor on the default of 1/γ (`PENALTY` or `NITSCHE`).
-    tolerance : float
-        Penetration in m beyond which a step is solved again, up to five times: penalty with augmented λ, Nitsche with larger 1/γ.
+    tolerance : float, optional
+        Penetration in m beyond which a step is solved again, up to five times: penalty with augmented λ, Nitsche with larger 1/γ. By
+        default that of the accuracy of the solver.
     touching : float
         Penetration in m at rest that counts as zero gap: surfaces of real subjects overlap a little.
     motion : RigidMotion, optional
@@ -54,7 +55,7 @@ class Contact:
     form: Annotated[str, OneOf(names=FORMS)] = "nitsche"
     theta: Annotated[int, OneOf(names=(-1, 0, 1))] = 0
     stiffness: Positive = 1.0
-    tolerance: Length = 0.05e-3
+    tolerance: Length | None = None
     touching: Length = 0.2e-3
     motion: RigidMotion | None = None
 

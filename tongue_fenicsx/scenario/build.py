@@ -150,7 +150,7 @@ class Workbench:
             model = replace(model, loads=before.loads)
         if (s.probes, s.solver, s.output, _stepping(s)) != (last.probes, last.solver, last.output, _stepping(last)):
             simulation.close()
-            return Simulation(model, s.probes, _stepping(s), s.solver)
+            return Simulation(model, s.probes, _stepping(s), s.solver.tolerances())
         resolve_sides(OpenLoop(activation_of(s)), model)
         simulation.model = model
         return simulation
@@ -165,7 +165,7 @@ class Workbench:
 def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     model = _model(s, tongue)
     resolve_sides(OpenLoop(activation_of(s)), model)
-    return Simulation(model, s.probes, _stepping(s), s.solver)
+    return Simulation(model, s.probes, _stepping(s), s.solver.tolerances())
 
 
 def _model(s: Scenario, tongue: TongueMesh, contacts: Mapping[str, Contact] | None = None) -> Model:
@@ -188,8 +188,9 @@ def _model(s: Scenario, tongue: TongueMesh, contacts: Mapping[str, Contact] | No
 
 
 def _stepping(s: Scenario) -> Stepping:
-    step_min = min(Stepping.step_min, s.time.largest) if s.time.step_min is None else s.time.step_min
-    steps = {"step_max": s.time.largest, "step_min": step_min, "output_every": s.output.every, "fields": s.output.fields}
+    step_max = s.time.step or s.time.step_max or s.solver.tolerances().step
+    step_min = min(Stepping.step_min, step_max) if s.time.step_min is None else s.time.step_min
+    steps = {"step_max": step_max, "step_min": step_min, "output_every": s.output.every, "fields": s.output.fields}
     return value_of(Stepping, s.time, **steps)
 
 

@@ -27,7 +27,7 @@ from ..mechanics.tissue import TISSUES, Density, MassDamping, PeakStress, Raylei
 from ..simulation import fields as _standard_fields  # noqa: F401  they register themselves
 from ..simulation.quantities import FIELDS
 from ..simulation.stepping import Interval, Stepping
-from ..solvers.tolerances import Tolerances
+from ..solvers.tolerances import Accuracy, Tolerances
 
 POSTURES = {"upright": (0.0, 0.0, -9.81), "supine": (9.81, 0.0, 0.0)}
 """Gravity in m/s² by the posture of the head: z points up, x to the back of the head."""
@@ -225,26 +225,29 @@ class GravitySection(Section):
 
 @with_keys(**keys_of(Stepping, "step_max", "step_min", "output_every", "fields"))
 class TimeSection(Section):
-    """Time in s: one fixed `step`, or the largest and, with a tolerance, the smallest one."""
+    """Time in s: one fixed `step`, or the largest and, with a tolerance, the smallest one; else the step of the solver's accuracy."""
 
     end: Seconds
     step: Seconds | None = None
     step_max: Seconds | None = None
     step_min: Seconds | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _one_step(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "step" not in data:
-            return {"step_max": Stepping.step_max} | data if isinstance(data, dict) else data
-        if data.get("step_max") is not None:
+    @model_validator(mode="after")
+    def _one_step(self) -> TimeSection:
+        if self.step is not None and self.step_max is not None:
             raise ValueError("either step or step_max is expected, not both")
-        return data
+        return self
 
-    @property
-    def largest(self) -> float:
-        """The largest step in s."""
-        return float(self.step or self.step_max or Stepping.step_max)
+
+@with_keys(**{name: (hint | None, None) for name, hint in hints(Tolerances).items() if name not in ("step", "penetration")})
+class SolverSection(Section):
+    """How accurate a run is, and what differs from that."""
+
+    accuracy: Accuracy = "trajectory"
+
+    def tolerances(self) -> Tolerances:
+        """The tolerances of the accuracy with the section's values in place."""
+        return Tolerances.of(**self.model_dump(exclude_none=True))
 
 
 class OutputSection(Section):
@@ -292,7 +295,7 @@ class Scenario(Section):
     region: dict[str, RegionSection] = {}
     time: TimeSection
     output: OutputSection = Field(default_factory=OutputSection)
-    solver: Tolerances = Tolerances()
+    solver: SolverSection = Field(default_factory=SolverSection)
     activation: dict[str, ActivationSection] = {}
     excitation: ExcitationSection | None = None
     probes: dict[Name, Annotated[str | Sequence[float], Vector("m", named=True)]] | None = None

@@ -125,7 +125,7 @@ class Engine:
             if outcome.converged:
                 outcome = outcome.then(self._newton.solve())
         for _ in range(AUGMENTATIONS):
-            if not (outcome.converged and contacts.augment()):
+            if not (outcome.converged and contacts.augment(self._tolerances.penetration)):
                 break
             outcome = outcome.then(self._newton.solve())
         return outcome

@@ -47,7 +47,8 @@ class Simulation:
     stepping : Stepping
         Time steps and output.
     tolerances : Tolerances
-        Accuracy of each solve.
+        Accuracy of each solve, with the step and the penetration that `stepping` and the contacts leave open; such as
+        ``Tolerances.of("tight")``.
 
     Raises
     ------
@@ -62,7 +63,8 @@ class Simulation:
         stepping: Stepping | None = None,
         tolerances: Tolerances | None = None,
     ) -> None:
-        self.model, self.stepping, self.tolerances = model, stepping or Stepping(), tolerances or Tolerances()
+        self.model, self.tolerances = model, tolerances or Tolerances()
+        self.stepping = (stepping or Stepping()).within(self.tolerances)
         self._tongue = tongue = model.tongue
         for name in self.stepping.fields:
             if name not in FIELDS:

@@ -41,7 +41,7 @@ class StepControl:
 
     def __init__(self, stepping: Stepping, t_end: float, kinks: Iterable[float], step: float | None = None, largest: float = SMALL) -> None:
         self._stepping, self._t_end = stepping, t_end
-        self.step, self.largest = step or stepping.step_max, largest
+        self.step, self.largest = step or stepping.longest, largest
         self._excess = 0.0
         every = stepping.output_every
         self._milestones = [0.0, *(round(every * i, 12) for i in range(1, int(t_end / every) + 1)), round(t_end, 12)]
@@ -79,7 +79,7 @@ class StepControl:
         if self._stepping.tolerance is not None:
             self._follow_error(h)
         else:
-            self.step = min(self.step * (1.5 if outcome.newton <= EASY else 1.0), self._stepping.step_max)
+            self.step = min(self.step * (1.5 if outcome.newton <= EASY else 1.0), self._stepping.longest)
 
     def cut(self, h: float, converged: bool) -> bool:
         """A step of `h` (s) was given up, though its solve may have converged; whether a shorter one is allowed."""
@@ -91,7 +91,7 @@ class StepControl:
 
     def _follow_error(self, h: float) -> None:
         step = h * float(np.clip(0.8 * max(self._excess, 1e-9) ** (-1 / 3), 0.2, 1.5))
-        self.step = min(max(step, self._stepping.step_min), self._stepping.step_max)
+        self.step = min(max(step, self._stepping.step_min), self._stepping.longest)
 
 
 def _root_mean_square(equations: Equations, values: Floats) -> float:

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from ..core.errors import InputError
 from ..core.values import Below1, Flag, Real, Seconds, Share, checked
+from ..solvers.tolerances import Tolerances
 
 Interval = Annotated[float, Real("s", low=1e-4, high=100)]
 Report = Callable[["Progress"], None]
@@ -21,15 +22,17 @@ class Stepping:
 
     Attributes
     ----------
-    step_max, step_min : float
-        Largest step, and the step in s below which the run gives up.
+    step_max : float, optional
+        Largest step in s; by default that of the accuracy of the solver.
+    step_min : float
+        The step in s below which the run gives up.
     spectral_radius : float
         Of generalized-alpha, 0…1.
     output_every : float
         Time in s between stored fields.
     tolerance : float, optional
         Accepted error of a step over the largest displacement so far (at least 0.1 mm), both as root mean squares over the
-        nodes; steps grow and shrink between `step_min` and `step_max` to meet it. By default steps are `step_max`, shorter only
+        nodes; steps grow and shrink between `step_min` and `step_max` to meet it. By default steps are the largest, shorter only
         where a solve fails.
     quasi_static : bool
         Whether inertia and rates are left out, so that every output is an equilibrium.
@@ -37,7 +40,7 @@ class Stepping:
         Fields to store beside displacement, velocity, strain and J: names of `quantities.FIELDS`.
     """
 
-    step_max: Seconds = 5e-3
+    step_max: Seconds | None = None
     step_min: Seconds = 1e-5
     spectral_radius: Share = 0.8
     output_every: Interval = 0.01
@@ -46,8 +49,17 @@ class Stepping:
     tolerance: Below1 | None = None
 
     def __post_init__(self) -> None:
-        if self.step_min > self.step_max:
-            raise InputError(f"step_min: {self.step_min} s is larger than step_max, {self.step_max} s.")
+        if self.step_min > self.longest:
+            raise InputError(f"step_min: {self.step_min} s is larger than step_max, {self.longest} s.")
+
+    @property
+    def longest(self) -> float:
+        """The largest step in s."""
+        return Tolerances.step if self.step_max is None else self.step_max
+
+    def within(self, tolerances: Tolerances) -> Stepping:
+        """The same, with the step of the tolerances if it names none."""
+        return replace(self, step_max=self.step_max or tolerances.step)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,6 +22,8 @@ from .options import SolverOptions
 from .rigid_bodies import RigidBodies
 from .tolerances import Tolerances
 
+GUESS = 0.1
+"""Share of the residual of the first guess that counts as the forces on the supports do; alone, where nothing is held."""
 RESIDUAL = PETSc.Log.Event("TongueResidual")
 """In PETSc's log, the residuals with those that shortening a step takes."""
 
@@ -56,6 +59,8 @@ class Newton:
     def __init__(self, equations: Equations, tolerances: Tolerances, log: Callable[[str], None]) -> None:
         self._equations, self._log = equations, log
         self._weak = weak = equations.weak
+        if weak.pressure is not None:  # the norm of the residual hardly sees the balance of volume
+            tolerances = tolerances.no_looser_than("tight")
         scheme, V = equations.scheme, weak.V
         self._tangent = weak.compile(weak.equations(scheme.v, scheme.acceleration)[1])
         suspension = weak.suspension(weak.u, scheme.v, scheme.acceleration, ufl.TestFunction(V))
@@ -84,7 +89,8 @@ class Newton:
             self._search = WorkLineSearch(snes, self._x, self._b, self._evaluate)
         else:
             snes.getLineSearch().setType("bt")
-        snes.setTolerances(rtol=tolerances.rtol, atol=tolerances.atol, stol=0.0, max_it=tolerances.max_newton)
+        self._tolerances, self._borne = tolerances, 0.0
+        snes.setTolerances(rtol=GUESS * tolerances.rtol, stol=0.0, max_it=tolerances.max_newton)
         snes.setFromOptions()
         self._snes = snes
 
@@ -168,7 +174,10 @@ class Newton:
             b.array[:] = residual if self._volume is None else np.concatenate([residual, self._volume.assemble()])
             if self._bodies is not None:
                 self._bodies.residual(b)
+            whole = b.norm()
             b.array[self._weak.fixed_dofs] = 0.0
+            rest = b.norm()
+            self._borne = math.sqrt(max((whole - rest) * (whole + rest), 0.0))
 
     def _prepare(self) -> None:
         """Assemble what the set-up of a linear solver needs to see."""
@@ -178,6 +187,7 @@ class Newton:
     def _form_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         if self._search is None or not self._search.recall(x, b):
             self._evaluate(x, b)
+        snes.setTolerances(atol=max(self._tolerances.atol, self._tolerances.rtol * self._borne))
 
     def _form_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
         self._assemble()

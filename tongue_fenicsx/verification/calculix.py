@@ -45,7 +45,9 @@ def calculix() -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(MPI.COMM_WORLD.bcast(folder))
             stepping = Stepping(step_max=step, output_every=end / 10, quasi_static=static, spectral_radius=0.9)
-            run = Simulation(model, probes={"tip": probe}, stepping=stepping, tolerances=Tolerances(rtol=1e-8)).run({}, end, path / "run")
+            run = Simulation(model, probes={"tip": probe}, stepping=stepping, tolerances=Tolerances.of("tight", rtol=1e-8)).run(
+                {}, end, path / "run"
+            )
             t, ours = run.time, run.probes["tip"][:, 2]
             theirs = run_calculix(model, probe, static, end, step, path) if MPI.COMM_WORLD.rank == 0 else None
             theirs = MPI.COMM_WORLD.bcast(theirs)

@@ -65,9 +65,10 @@ def _place(weak: WeakForm, name: str, offset: tuple[float, float, float]) -> Non
 
 def _equilibrium(weak: WeakForm) -> ContactState:
     """Solve for the state at rest, and measure its contact."""
-    newton = Newton(Equations(weak, QuasiStatic(weak.u)), Tolerances(rtol=1e-11, atol=1e-15, linear=1e-8, max_newton=40), lambda line: None)
+    tight = Tolerances.of("tight", rtol=1e-11, atol=1e-15, linear=1e-8, max_newton=40)
+    newton = Newton(Equations(weak, QuasiStatic(weak.u)), tight, lambda line: None)
     converged = newton.solve().converged
-    while converged and weak.contacts.augment():
+    while converged and weak.contacts.augment(tight.penetration):
         converged = newton.solve().converged
     if not converged:
         raise SolveError("the block in contact did not converge.")
@@ -163,7 +164,7 @@ def incline(end: float = 0.1) -> Iterator[Row]:
 def _run(model: Model, probes: dict[str, tuple[float, float, float]], stepping: Stepping, end: float) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(MPI.COMM_WORLD.bcast(folder))
-        run = Simulation(model, probes=probes, stepping=stepping, tolerances=Tolerances(rtol=1e-6)).run({}, end, path)
+        run = Simulation(model, probes=probes, stepping=stepping, tolerances=Tolerances.of("tight", rtol=1e-6)).run({}, end, path)
         MPI.COMM_WORLD.barrier()
     return run
 

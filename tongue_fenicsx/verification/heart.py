@@ -53,7 +53,7 @@ def land(n: int = 3) -> Iterator[Row]:
     tissue = Tissue(_Guccione(), density=1000.0)
     model = Model(beam, tissue, loads={"lower": Pressure([(1.0, 0.0, 4.0)])}, fixed=["wall"], mixed=True)
     stepping = Stepping(step_max=0.1, output_every=1.0, quasi_static=True)
-    tight = Tolerances(rtol=1e-6, max_newton=30)
+    tight = Tolerances.of("tight", rtol=1e-6, max_newton=30)
     simulation = Simulation(model, {"end": (10e-3, 0.5e-3, 1e-3)}, stepping, tight)
     height = 1 + 1e3 * float(simulation.run({}, t_end=1.0).probes["end"][-1, 2])
     simulation.close()

@@ -129,7 +129,7 @@ def decay() -> Iterator[Row]:
         path = Path(MPI.COMM_WORLD.bcast(folder))
         stepping = Stepping(step_max=2e-3, output_every=1.0, spectral_radius=1.0)
         simulation = Simulation(
-            model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=Tolerances(rtol=1e-8, atol=1e-14)
+            model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=Tolerances.of("tight", rtol=1e-8, atol=1e-14)
         )
         run = simulation.run({}, 1.2, path)
         t, z = run.time, run.probes["end"][:, 2]
@@ -160,7 +160,7 @@ def contraction(end: float = 0.35, step: float = 5e-3) -> Iterator[Row]:
         model = Model(TongueMesh.read(_tongue(home, 8e-3)))
         for refinement in (1, 2, 4):
             stepping = Stepping(step_max=step / refinement, output_every=end)
-            run = Simulation(model, stepping=stepping).run({"GGP": ramp(0.1, 0.25)}, end, home / "run")
+            run = Simulation(model, stepping=stepping, tolerances=Tolerances.of("tight")).run({"GGP": ramp(0.1, 0.25)}, end, home / "run")
             moved = np.hstack([run.probes[name] for name in ("tip", "dorsum", "root")])
             paths.append([np.interp(times, run.time, column) for column in moved.T])
             if refinement == 1:
@@ -204,6 +204,7 @@ file = "tongue.msh"
 end = {end}
 step = 0.005
 [solver]
+accuracy = "tight"
 rtol = 1e-11
 atol = 1e-14
 linear = 1e-9

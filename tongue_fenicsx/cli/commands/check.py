@@ -40,4 +40,4 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
         console.print(f"{name} moves until {1e3 * max(motion.kinks):g} ms")
     for name, contact in model.contacts.items():
         console.print(f"contact with {name}: {contact.form}")
-    console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.step_max:g} ms")
+    console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.longest:g} ms")
