@@ -85,3 +85,13 @@ def test_function_as_activation(block: tf.TongueMesh, scratch: Path) -> None:
     model = tf.Model(with_fibres(block), fixed=["left"])
     with pytest.raises(tf.InputError, match=r"the function returns 1\.01"):
         tf.Simulation(model).run({"GGP_L": lambda t: 1.01}, 0.01, scratch)
+
+
+def test_descending_limb(block: tf.TongueMesh) -> None:
+    """A bar that is stretched by 35 % before it contracts has no equilibrium nearby: the failure names the limb, and motion."""
+    stretch = tf.RigidMotion(translation=[(0.1, (0, 0, 0), (7e-3, 0, 0))])
+    tissue = replace(tf.Tissue.calka(), peak_stress={"GGP": 5e4})
+    model = tf.Model(with_fibres(block), tissue, tf.Contraction("none", tendon_length=0.0), fixed=["left"], moving={"right": stretch})
+    stepping = tf.Stepping(step_max=0.02, step_min=5e-3, output_every=0.1, quasi_static=True)
+    with pytest.raises(tf.SolveError, match=r"Fibres of GGP_L \(stretch up to 1\.\d\d\) are on the descending limb .* time.quasi_static"):
+        tf.Simulation(model, {}, stepping).run({"GGP_L": tf.Activation([(0.1, 0.0, 0.0), (0.1, 0.0, 1.0)])}, 0.2)

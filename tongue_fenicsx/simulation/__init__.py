@@ -2,6 +2,7 @@
 """The time loop: engine, steps, energies, and the quantities that a run leaves."""
 
 __all__ = [
+    "diagnosis",
     "energy",
     "engine",
     "fields",

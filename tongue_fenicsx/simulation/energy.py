@@ -16,6 +16,16 @@ from .quadrature_points import QuadraturePoints
 
 ENERGIES = ("kinetic", "elastic", "muscle_work", "gravity_work", "load_work", "support_work", "contact_work", "dissipated")
 
+IMBALANCE = 0.01
+"""Largest imbalance over the peak work that needs no warning."""
+
+
+def warn(error: float) -> list[str]:
+    """What to say of an imbalance, in lines."""
+    if error <= IMBALANCE:
+        return []
+    return [f"warning: energies are out of balance by {100 * error:.1f} %: jumps and blows are finer followed with a shorter time.step"]
+
 
 @dataclass
 class Balance:

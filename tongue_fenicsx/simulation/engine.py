@@ -12,9 +12,10 @@ from ..solvers.initial_acceleration import set_initial_acceleration
 from ..solvers.newton import Newton, Outcome
 from ..solvers.time_integration import GeneralizedAlpha, QuasiStatic, State
 from ..solvers.tolerances import Tolerances
+from .diagnosis import advise, describe_iterate
 from .energy import Balance
 from .probes import Probes
-from .snapshot import Sensors, Snapshot, describe_extremes
+from .snapshot import Sensors, Snapshot
 from .stepping import Stepping
 
 AUGMENTATIONS = 5
@@ -137,5 +138,9 @@ class Engine:
         return now
 
     def describe_iterate(self) -> str:
-        """Where J is smallest and the stretch largest in what the last solve left."""
-        return describe_extremes(self._sensors.points, self.weak.V.mesh.comm)
+        """What stands out in what the last solve left."""
+        return describe_iterate(self._sensors)
+
+    def advise(self, now: Snapshot, levels: Mapping[str, float]) -> str:
+        """What may help where the step after the last good state `now`, with muscles at `levels`, failed."""
+        return advise(self._sensors, now, levels, self._quasi_static)

@@ -17,7 +17,7 @@ from ..runs.checkpoint import Checkpoint
 from ..runs.writer import RunWriter
 from ..solvers.newton import Outcome
 from ..solvers.time_integration import State
-from .energy import Balance
+from .energy import Balance, warn
 from .engine import Engine
 from .quantities import FIELDS, HISTORY
 from .snapshot import Snapshot
@@ -144,21 +144,18 @@ class Loop:
         else:
             where = "" if outcome.converged else engine.describe_iterate()
             engine.equations.restore(before)
-            self._reject(h, fault, where, outcome.converged)
+            self._reject(h, fault, where, outcome.converged, levels)
 
-    def _reject(self, h: float, fault: str, where: str, converged: bool) -> None:
+    def _reject(self, h: float, fault: str, where: str, converged: bool, levels: Mapping[str, float]) -> None:
         self._totals.n_rejected += 1
         allowed = self._steps.cut(h, converged)
         t = self._now.t
         self._engine.log(f"step rejected at t = {t:.6f} s, h = {1e3 * h:.4f} ms ({fault}); cut to {1e3 * self._steps.step:.4f} ms")
         if not allowed:
             self._engine.equations.at(t, self._now.levels)
-            self._finish("failed")
-            raise SolveError(
-                f"the solve failed at t = {t:.6f} s even with the smallest step, {self._task.stepping.step_min:g} s ({fault}); "
-                f"{where}. The last good state is saved in {self._where}. Less activation, a slower rise, a longer tendon or "
-                "another element size may help."
-            )
+            reason = f"the solve failed at t = {t:.6f} s even with the smallest step, {self._task.stepping.step_min:g} s ({fault}); {where}"
+            self._finish("failed", reason)
+            raise SolveError(f"{reason}. The last good state is saved in {self._where}. {self._engine.advise(self._now, levels)}.")
 
     def _after(self, outcome: Outcome, target: float) -> None:
         now = self._now
@@ -205,10 +202,11 @@ class Loop:
         }
         self._writer.write_checkpoint(numbers, arrays, progress)
 
-    def _finish(self, status: str) -> None:
+    def _finish(self, status: str, reason: str = "") -> None:
         self._checkpoint()
         writer = self._writer
-        writer.finish(
-            summarise(Ending(status, self._task.model, self._now, self._totals, writer.history, writer.numbering, self._engine.n_unknowns))
-        )
+        numbers = (self._now, self._totals, writer.history, writer.numbering, self._engine.n_unknowns)
+        writer.finish(summarise(Ending(status, self._task.model, *numbers, reason=reason)))
+        for line in warn(self._now.balance.error):
+            self._engine.log(line)
         self._engine.log(f"{status} at t = {self._now.t:.6f} s after {self._totals.wall_seconds:.1f} s")

@@ -211,20 +211,3 @@ class Snapshot:
             sums += [weight.sum(), (weight * values[mine, :, slot, 0]).sum(), (weight * values[mine, :, slot, 1]).sum()]
         volume, stretch, rate = self._comm.allreduce(sums)
         return float(stretch / volume), float(rate / volume)
-
-
-def describe_extremes(points: QuadraturePoints, comm: MPI.Intracomm) -> str:
-    """Where J is smallest and the stretch largest at the present displacement, for the message of a solve that gave up."""
-    F = points.deformation_gradient()
-    found = []
-    for values, pick, name in ((strain.determinant(F), np.argmin, "J"), (strain.largest_stretch(F), np.argmax, "stretch")):
-        at = np.unravel_index(pick(values), values.shape) if values.size else None
-        found.append((float(values[at]), points.places[at].tolist(), name) if at else None)
-    everything = comm.allgather(found)
-    low = min((row[0] for row in everything if row[0]), key=lambda item: item[0])
-    high = max((row[1] for row in everything if row[1]), key=lambda item: item[0])
-
-    def place(point: list[float]) -> str:
-        return "(" + ", ".join(f"{1e3 * c:.1f}" for c in point) + ") mm"
-
-    return f"smallest J {low[0]:.3g} at {place(low[1])}, largest stretch {high[0]:.3g} at {place(high[1])} of the rest shape"

@@ -42,6 +42,8 @@ class Ending:
         Of nodes and cells.
     n_unknowns : int
         Of a solve.
+    reason : str
+        Why it failed.
     """
 
     status: str
@@ -51,6 +53,7 @@ class Ending:
     history: History
     numbering: Numbering
     n_unknowns: int
+    reason: str = ""
 
 
 def summarise(ending: Ending) -> dict[str, Any]:
@@ -64,6 +67,11 @@ def summarise(ending: Ending) -> dict[str, Any]:
 @summary("status", unit="1", label="done, interrupted or failed")
 def _status(end: Ending) -> str:
     return end.status
+
+
+@summary("reason", unit="1", label="why it failed")
+def _reason(end: Ending) -> str:
+    return end.reason
 
 
 @summary("name", unit="1", label="name of the tongue")

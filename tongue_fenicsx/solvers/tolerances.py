@@ -35,7 +35,7 @@ class Tolerances:
     atol: Annotated[float, Real("N", low=0, above=True)] = 1e-9
     linear: Below1 = 1e-2
     max_newton: Annotated[int, Real(low=1, high=1000, whole=True)] = 15
-    step: Seconds = 6.25e-3
+    step: Seconds = 5e-3
     penetration: Length = 1e-4
 
     @classmethod
@@ -66,7 +66,7 @@ class Tolerances:
 
 ACCURACIES = {
     "trajectory": Tolerances(),
-    "tight": Tolerances(rtol=1e-5, linear=1e-3, step=5e-3, penetration=0.05e-3),
-    "preview": Tolerances(rtol=1e-2, linear=3e-2, step=12.5e-3, penetration=2e-4),
+    "tight": Tolerances(rtol=1e-5, linear=1e-3, penetration=0.05e-3),
+    "preview": Tolerances(rtol=1e-2, linear=3e-2, step=10e-3, penetration=2e-4),
 }
 Accuracy = Annotated[str, OneOf(names=ACCURACIES)]

@@ -50,8 +50,12 @@ def run(
 
 def _print_result(run: Run) -> None:
     """Draw the pictures of a run and print its main numbers."""
+    from ...simulation.energy import warn
+
     pictures = run.plot()
     s = run.summary
+    for line in warn(s["energy_balance_error"]):
+        console.print(line)
     console.print(
         f"{s['n_steps']} steps ({s['n_rejected']} rejected), "
         f"{s['newton_iterations'] / max(s['n_steps'], 1):.1f} Newton iterations a step, {s['wall_seconds']:.0f} s; "
