@@ -135,7 +135,7 @@ class Workbench:
         """
         if self._last is None or self._last[0].mesh != scenario.mesh:
             self.clear()
-            made = _simulation(scenario, TongueMesh.read(Path(str(scenario.mesh.file)), self.comm))
+            made = _simulation(scenario, TongueMesh.read(Path(str(scenario.mesh.file)), self.comm, scenario.mesh.unit or "m"))
         else:
             made = self._from_last(scenario, *self._last)
         self._last = scenario, made

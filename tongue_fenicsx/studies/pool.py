@@ -170,7 +170,7 @@ def all_done(plan: Plan) -> dict[str, Run]:
 def shared_mesh(source: MeshSection, folder: Path, name: str | None = None) -> MeshSection:
     """The section of a mesh file: the given one, or one that is built in `folder`, once for all runs; for one rank alone."""
     if source.file is not None:
-        return MeshSection(file=str(Path(source.file).resolve()))
+        return source.model_copy(update={"file": str(Path(source.file).resolve())})
     path = folder.resolve() / (name or f"mesh-{fingerprint(source.model_dump())[:8]}.msh")
     check_outputs(folder)
     with FileLock(path.with_suffix(".lock")):
