@@ -25,10 +25,10 @@ def fail(error):
 """
 
 
-def run_on_two(code: str, tmp_path: Path) -> subprocess.CompletedProcess[str]:
+def run_on_two(code: str, tmp_path: Path, head: str = HEAD + "...") -> subprocess.CompletedProcess[str]:
     """Run a script under mpiexec."""
     script = tmp_path / "script.py"
-    script.write_text(HEAD + code)
+    script.write_text(head.replace("...", code, 1))
     mpiexec = Path(sys.executable).with_name("mpiexec")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
     command = [str(mpiexec), "-n", "2", sys.executable, str(script)]
@@ -107,3 +107,19 @@ app.main(["stumble"])
     result = run_on_two(code, tmp_path)
     assert result.returncode == exit_code, result.stderr
     assert said in result.stderr
+
+
+def test_a_rank_that_ends_before_mpi_begins(tmp_path: Path) -> None:
+    """Input that only one rank refuses, and a signal while it imports: the other does not wait."""
+    early = """
+import os, sys
+if os.environ["PMI_RANK"] == "1":
+    ...
+from mpi4py import MPI
+MPI.COMM_WORLD.barrier()
+MPI.COMM_WORLD.barrier()
+"""
+    result = run_on_two("from tongue_fenicsx.cli.app import main; main(['check', 'no.toml'])", tmp_path, early)
+    assert (result.returncode, result.stderr.count("no.toml: the file does not exist")) == (2, 1), result.stderr
+    result = run_on_two("from tongue_fenicsx.core.interruption import leave_at_once; leave_at_once(15, None)", tmp_path, early)
+    assert result.returncode != 0

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """``python -m tongue_fenicsx`` is ``tongue``."""
 
-import sys
-
 from .cli import process
 from .core.interruption import Interrupted, leave_at_once, on_signals
 
@@ -15,7 +13,7 @@ def main() -> None:
 
         run()
     except Interrupted as early:
-        sys.exit(128 + early.number)
+        leave_at_once(early.number, None)
     finally:
         on_signals(leave_at_once)
 

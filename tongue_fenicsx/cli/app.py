@@ -14,7 +14,7 @@ import typer
 from rich.text import Text
 
 from ..core.errors import InputError, SolveError
-from ..core.interruption import Interrupted
+from ..core.interruption import Interrupted, launched
 from . import commands, process
 from .terminal import errors
 
@@ -54,7 +54,7 @@ def _end(error: BaseException) -> int:
         else:
             errors.print(reason)
 
-    if "mpi4py.MPI" in sys.modules:
+    if launched() or "mpi4py.MPI" in sys.modules:
         from ..core.parallel import end_together
 
         end_together(str(reason), code, say)

@@ -35,15 +35,23 @@ class Paused(Interrupted):
     """A run was interrupted between two steps, with everything saved."""
 
 
+def launched() -> bool:
+    """Whether mpiexec began this process, so that others may wait for it; told without MPI."""
+    return any(name in os.environ for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
+
+
 def leave_at_once(number: int, frame: object) -> None:
-    """End the process without a word, as signals do of which no program knows."""
+    """End the process without a word; under mpiexec as SIGTERM does, for that also ends ranks that would wait for this one for ever."""
+    if launched():
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTERM)
     os._exit(128 + number)
 
 
 def on_signals(handler: Callable[[int, object], object]) -> None:
-    """Let Ctrl-C and SIGTERM call a handler."""
+    """Let Ctrl-C and SIGTERM call a handler; under mpiexec, where a rank that waits in MPI never comes to it, let them end the process."""
     for number in SIGNALS:
-        signal.signal(number, handler)
+        signal.signal(number, signal.SIG_DFL if launched() else handler)
 
 
 @contextmanager
