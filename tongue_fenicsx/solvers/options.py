@@ -10,6 +10,10 @@ from itertools import count
 
 from petsc4py import PETSc
 
+for _key in ("vec_mdot_use_gemv", "vec_maxpy_use_gemv"):  # BLAS sums in an order that depends on where the vectors lie in memory,
+    if not PETSc.Options().hasName(_key):  # so that no run with GMRES could be repeated to the last bit
+        PETSc.Options()[_key] = "0"
+
 _numbers = count()
 
 
