@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -96,6 +96,10 @@ class TongueMesh:
         Name to the surface of a bone or wall around it, for contact.
     digest : str
         Hash of the files that it was read from.
+    source : Path, optional
+        The ``.msh`` file that it was read from.
+    unit : str
+        Of that file.
     name : str
         What the tongue is called.
     volumes : dict
@@ -114,6 +118,9 @@ class TongueMesh:
     volumes: dict[str, Ints] = field(default_factory=dict)
     digest: str = ""
     notes: tuple[str, ...] = ()
+    source: Path | None = None
+    unit: str = "m"
+    _scratch: tempfile.TemporaryDirectory[str] | None = None
 
     @cached_property
     def fingerprint(self) -> str:
@@ -147,13 +154,11 @@ class TongueMesh:
 
     @classmethod
     def from_anatomy(cls, anatomy: Anatomy, size: float, comm: MPI.Intracomm = MPI.COMM_WORLD) -> TongueMesh:
-        """Mesh an anatomy with elements of `size` (m) and load it; nothing is kept on disk."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(comm.bcast(folder)) / "tongue.msh"
-            on_rank_zero(comm, lambda: meshing.build(anatomy, path, size))
-            tongue = cls.read(path, comm)
-            comm.barrier()
-        return tongue
+        """Mesh an anatomy with elements of `size` (m) and load it; its files are kept as long as it is."""
+        scratch = tempfile.TemporaryDirectory() if comm.rank == 0 else None
+        path = Path(comm.bcast(scratch and scratch.name)) / "tongue.msh"
+        on_rank_zero(comm, lambda: meshing.build(anatomy, path, size))
+        return replace(cls.read(path, comm), _scratch=scratch)
 
     @classmethod
     def read(cls, path: Path, comm: MPI.Intracomm = MPI.COMM_WORLD, unit: str = "m") -> TongueMesh:
@@ -201,7 +206,7 @@ class TongueMesh:
         tags = data.cell_tags
         volumes = {name: tags.find(group.tag).astype(np.int32) for name, group in data.physical_groups.items() if group.dim == 3}
         if stored is None:
-            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes, digest=read, notes=tuple(notes))
+            return cls(mesh, facet_tags, surfaces, name=path.stem, volumes=volumes, digest=read, notes=tuple(notes), source=path, unit=unit)
         row = _match_cells(mesh, stored["cells"], path)
         nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
         muscles = {}
@@ -212,7 +217,8 @@ class TongueMesh:
             at = np.searchsorted(muscle["nodes"], nodes[cells])
             entry = _entry(mesh, facet_tags.indices, muscle["entry"]) if "entry" in muscle else None
             muscles[name] = MuscleCells(cells, muscle["weight"][at], muscle["direction"][at], entry, muscle.get("direction_error"))
-        return cls(mesh, facet_tags, surfaces, muscles, stored["landmarks"], stored["name"], stored["bones"], volumes, read, tuple(notes))
+        where = stored["landmarks"], stored["name"], stored["bones"]
+        return cls(mesh, facet_tags, surfaces, muscles, *where, volumes, read, tuple(notes), path)
 
     def region(self, name: str) -> Ints:
         """Local cells, ghosts too, of a physical volume, also of its parts that others share.

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -51,7 +51,7 @@ class Checkpoint:
     def write(self, store: Store) -> None:
         """Save it at once."""
 
-        def write(target: Any) -> None:
+        def write(target: BinaryIO) -> None:
             with h5py.File(target, "w") as file:
                 for name in ("identity", "numbers", "progress"):
                     file.attrs[name] = json.dumps(dict(getattr(self, name)))

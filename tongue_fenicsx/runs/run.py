@@ -9,15 +9,22 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from ..core.errors import InputError, check_outputs, reading
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
 from .figures import FIGURES
+from .history import FILE, read_columns
 from .store import Folder, Memory, Store
 
 WHOLE = "a whole run folder"
+
+
+def _count(file: h5py.File) -> int:
+    """Outputs that a file of fields has; it may have room for more."""
+    return int(np.isfinite(file["time"][:]).sum())
 
 
 class Run:
@@ -58,20 +65,23 @@ class Run:
 
     def __init__(self, source: str | Path | Store) -> None:
         self.store: Store = Folder(Path(source)) if isinstance(source, str | Path) else source
-        if not self.store.has("history.h5"):
-            raise InputError(f"{self}: holds no run (history.h5 is missing); a folder written by tongue run is expected.")
-        with self.reading("history.h5"), self.store.open("history.h5") as file:
-            self.time: Floats = file["time"][:]
+        if not self.store.has(FILE):
+            raise InputError(f"{self}: holds no run ({FILE} is missing); a folder written by tongue run is expected.")
+        with self.reading(FILE), self.store.open(FILE) as file:
+            columns = read_columns(file)
             names, rest = (file["probes"].attrs[key] for key in ("names", "rest"))
-            self.probes: dict[str, Floats] = dict(zip(names, file["probes"][:], strict=True))
-            self.rest: dict[str, Floats] = dict(zip(names, rest, strict=True))
-            self.energy: dict[str, Floats] = {name: data[:] for name, data in file["energy"].items()}
-            self.activation: dict[str, Floats] = {name: data[:] for name, data in file.get("activation", {}).items()}
-            self.support: dict[str, Floats] = {name: data[:] for name, data in file.get("support", {}).items()}
-            self.contact: dict[str, dict[str, Floats]] = {
-                name: {column: data[:] for column, data in group.items()} for name, group in file.get("contact", {}).items()
-            }
-            self.volume_ratio: Floats = file["volume_ratio"][:]
+        parts: dict[str, dict[str, Floats]] = {}
+        for path, column in columns.items():
+            group, _, name = path.partition("/")
+            parts.setdefault(group, {})[name] = column
+        self.time, self.volume_ratio = columns["time"], columns["volume_ratio"]
+        self.probes = dict(zip(names, columns["probes"].swapaxes(0, 1), strict=True))
+        self.rest: dict[str, Floats] = dict(zip(names, rest, strict=True))
+        self.energy, self.activation, self.support = (parts.get(group, {}) for group in ("energy", "activation", "support"))
+        self.contact: dict[str, dict[str, Floats]] = {}
+        for path, column in parts.get("contact", {}).items():
+            name, _, part = path.rpartition("/")
+            self.contact.setdefault(name, {})[part] = column
         self.summary: dict[str, Any] = {}
         if self.store.has("summary.json"):
             with self.reading("summary.json"):
@@ -122,16 +132,16 @@ class Run:
             If the run stored no such field.
         """
         with self.store.open("fields.h5") as file:
-            known = sorted(file.keys() - {"mesh", "obstacles"})
+            known = sorted(file.keys() - {"mesh", "obstacles", "time"})
             if name not in known:
                 raise InputError(f"field: {self} has no field {name!r}; it has {', '.join(known)}.")
-            return np.asarray(file[name][sorted(file[name])[index]][:], dtype=float)
+            return np.asarray(file[f"{name}/{range(_count(file))[index]:05d}"][:], dtype=float)
 
     @property
     def output_times(self) -> Floats:
         """Times in s of the stored fields, (n_outputs,)."""
         with self.store.open("fields.h5") as file:
-            return np.asarray(file.attrs["time"])
+            return np.asarray(file["time"][: _count(file)])
 
     @property
     def mesh(self) -> tuple[Floats, Ints]:

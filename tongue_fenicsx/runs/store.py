@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Where a run keeps its files: a folder, or memory."""
+"""Where a run keeps its files: a folder, or memory.
+
+Small files are made in memory and put in place at once. A file that grows is made with room for what is still to come (`Store.make`) and
+then filled byte by byte (`Store.write_at`): its own index never changes, so that at every instant it can be read.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ import io
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import BinaryIO, Protocol
 
 import h5py
 
@@ -15,11 +19,17 @@ import h5py
 class Store(Protocol):
     """A place for named files."""
 
-    def open(self, name: str, mode: str = "r") -> h5py.File:
-        """Open an HDF5 file to read (``r``), change (``r+``, ``a``) or write anew (``w``)."""
+    def open(self, name: str) -> h5py.File:
+        """Open an HDF5 file to read."""
 
-    def replace(self, name: str, write: Callable[[Any], object]) -> None:
-        """Write a file at once: `write` takes a path or a binary file; readers see the old one until it is whole."""
+    def replace(self, name: str, write: Callable[[BinaryIO], object]) -> None:
+        """Write a small file at once: readers see the old one until it is whole."""
+
+    def make(self, name: str, write: Callable[[h5py.File], object], room: int) -> None:
+        """Write a large HDF5 file of about `room` bytes at once, as `replace` does."""
+
+    def write_at(self, name: str, at: int, data: bytes) -> None:
+        """Change bytes of a file, which may grow by them."""
 
     def read(self, name: str) -> bytes:
         """What a file holds."""
@@ -43,16 +53,46 @@ class Folder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def open(self, name: str, mode: str = "r") -> h5py.File:
-        """As of `Store`."""
-        return h5py.File(self.path / name, mode)
+    def open(self, name: str) -> h5py.File:
+        """As of `Store`; nobody else's lock is in the way."""
+        return h5py.File(self.path / name, "r", locking=False)
 
-    def replace(self, name: str, write: Callable[[Any], object]) -> None:
+    def replace(self, name: str, write: Callable[[BinaryIO], object]) -> None:
         """As of `Store`."""
+        whole = io.BytesIO()
+        write(whole)
+        self._put(name, lambda path: path.write_bytes(whole.getbuffer()))
+
+    def make(self, name: str, write: Callable[[h5py.File], object], room: int) -> None:
+        """As of `Store`; the disk space is taken before HDF5, which does not survive the want of it, writes."""
+
+        def put(path: Path) -> None:
+            with open(path, "wb") as file:
+                os.posix_fallocate(file.fileno(), 0, room)
+            with h5py.File(path, "w", locking=False) as file:
+                write(file)
+            with open(path, "rb+") as file:
+                os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+
+        self._put(name, put)
+
+    def _put(self, name: str, write: Callable[[Path], object]) -> None:
         path = self.path / name
         temporary = path.with_name(f"{name}.partial")
-        write(temporary)
-        os.replace(temporary, path)
+        try:
+            write(temporary)
+            os.replace(temporary, path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+
+    def write_at(self, name: str, at: int, data: bytes) -> None:
+        """As of `Store`."""
+        with open(self.path / name, "rb+", buffering=0) as file:
+            file.seek(at)
+            view = memoryview(data)
+            while view:
+                view = view[file.write(view) :]
 
     def read(self, name: str) -> bytes:
         """As of `Store`."""
@@ -73,17 +113,32 @@ class Memory:
     def __init__(self, files: dict[str, bytes] | None = None) -> None:
         self._files = {name: io.BytesIO(data) for name, data in (files or {}).items()}
 
-    def open(self, name: str, mode: str = "r") -> h5py.File:
+    def open(self, name: str) -> h5py.File:
         """As of `Store`."""
-        if mode == "w":
-            self._files[name] = io.BytesIO()
-        return h5py.File(self._files[name], mode)
+        return h5py.File(self._files[name], "r")
 
-    def replace(self, name: str, write: Callable[[Any], object]) -> None:
+    def replace(self, name: str, write: Callable[[BinaryIO], object]) -> None:
         """As of `Store`."""
         file = io.BytesIO()
         write(file)
         self._files[name] = file
+
+    def make(self, name: str, write: Callable[[h5py.File], object], room: int) -> None:
+        """As of `Store`."""
+
+        def whole(target: BinaryIO) -> None:
+            with h5py.File(target, "w") as file:
+                write(file)
+                file.flush()
+                end = file.id.get_filesize()
+            target.write(bytes(max(end - target.seek(0, io.SEEK_END), 0)))
+
+        self.replace(name, whole)
+
+    def write_at(self, name: str, at: int, data: bytes) -> None:
+        """As of `Store`."""
+        self._files[name].seek(at)
+        self._files[name].write(data)
 
     def read(self, name: str) -> bytes:
         """As of `Store`."""

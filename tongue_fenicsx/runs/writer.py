@@ -8,7 +8,9 @@ ranks and a checkpoint continues on any other. Only rank 0 touches files; other 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -16,21 +18,22 @@ import h5py
 import numpy as np
 from dolfinx import fem
 
-from ..core.errors import InputError
+from ..core.errors import InputError, SolveError
 from ..core.parallel import on_rank_zero
-from ..core.types import Floats
+from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
 from . import checkpoint as checkpoints
 from . import history as histories
 from . import xdmf
 from .checkpoint import Checkpoint, Identity
-from .history import History, Row, read_rows
+from .history import History, Row
 from .numbering import Numbering
+from .reserved import Reserved, reserve
 from .store import Store
 
 FIELDS, SUMMARY, SCENARIO, LOG = "fields.h5", "summary.json", "scenario.toml", "log.txt"
 RUN_FILES = (SCENARIO, FIELDS, xdmf.FILE, histories.FILE, SUMMARY, LOG, checkpoints.FILE)
-"""What a run folder holds beside tables and figures."""
+"""What a run folder holds beside the mesh, tables and figures."""
 
 
 class RunWriter:
@@ -54,51 +57,135 @@ class RunWriter:
     """
 
     def __init__(self, store: Store, V: fem.FunctionSpace, probes: Mapping[str, Floats], identity: Identity | None) -> None:
-        self.store, self.history, self._identity = store, History(probes), identity
+        self.store, self.history, self._identity = store, History(store, probes), identity
         self.numbering = Numbering(V)
         self._comm = V.mesh.comm
+        self._fields = Reserved(store, FIELDS)
+        if self._comm.rank == 0:
+            self._index = xdmf.Index(store, FIELDS, len(self._points), len(self._cells))
         self._times: list[float] = []
+        self._shapes: xdmf.Fields = {}
 
-    def start(self, obstacles: Mapping[str, Surface]) -> None:
-        """Begin a new run, with the surfaces of obstacles at rest: forget what the store held."""
+    def begin(self, times: Sequence[float], obstacles: Mapping[str, Surface], prepare: Callable[[], object]) -> None:
+        """Begin a new run that is to store fields at `times` (s), with the surfaces of obstacles at rest; when its first fields are known
+        and there is room for all of them, `prepare` takes out of the store what it held, on rank 0."""
+        self._planned, self._obstacles, self._prepare = times, obstacles, prepare
 
-        def begin() -> None:
-            assert self.numbering.cells is not None
-            for name in (checkpoints.FILE, histories.FILE, SUMMARY):
-                self.store.remove(name)
-            with self.store.open(FIELDS, "w") as file:
-                file["mesh/points"] = self.numbering.points
-                file["mesh/cells"] = self.numbering.cells.astype(np.int32)
-                for name, surface in obstacles.items():
-                    surface.write(file.create_group(f"obstacles/{name}"))
+    def go_on(self, times: Sequence[float]) -> None:
+        """Go on with a run that was read, to store fields at `times` (s) in all.
 
-        on_rank_zero(self._comm, begin)
+        Raises
+        ------
+        InputError
+            If there is no room for them.
+        """
+        self._planned = times
+        on_rank_zero(self._comm, self._widen)
 
     def record(self, row: Row) -> None:
         """Keep one time of the history."""
         self.history.append(row)
 
     def write_fields(self, t: float, nodal: Mapping[str, Floats], cellwise: Mapping[str, Floats]) -> None:
-        """Write fields of one time: nodal vectors (local, flat) and a number or a tensor per owned cell; and the history so far."""
+        """Write fields of one time: nodal vectors (local, flat) and a number or a tensor per owned cell; and the history so far.
+
+        Raises
+        ------
+        InputError
+            If there is no room for the first ones.
+        SolveError
+            If later ones cannot be written.
+        """
         gathered = {name: self.numbering.gather(values) for name, values in nodal.items()}
         gathered |= {name: self.numbering.gather_cells(values) for name, values in cellwise.items()}
-        index = len(self._times)
-        self._times.append(t)
 
         def write() -> None:
-            fields: dict[str, tuple[str, tuple[int, ...]]] = {}
-            with self.store.open(FIELDS, "a") as file:
+            shapes = {name: ("Node" if name in nodal else "Cell", np.shape(values)[1:]) for name, values in gathered.items()}
+            if not self._times:
+                self._make(shapes, self._begin_file)
+                self._prepare()
+                self._index.begin([], shapes)
+            elif shapes != self._shapes:
+                raise InputError(f"fields: {', '.join(shapes)} at t = {t:g} s, {', '.join(self._shapes)} before; the same ones are expected.")
+            index = len(self._times)
+            with self._writing():
                 for name, values in gathered.items():
-                    assert values is not None
-                    file.create_dataset(f"{name}/{index:05d}", data=np.asarray(values, dtype=np.float32))
-                    fields[name] = "Node" if name in nodal else "Cell", values.shape[1:]
-                file.attrs["time"] = self._times
-            assert self.numbering.points is not None
-            assert self.numbering.cells is not None
-            xdmf.write_xdmf(self.store, FIELDS, self._times, len(self.numbering.points), len(self.numbering.cells), fields)
-            self.history.write(self.store)
+                    self._fields.fill(f"{name}/{index:05d}", np.asarray(values))
+                self._fields.fill("time", t, index)
+                self._index.append(index, t, shapes)
+                self.history.write()
 
         on_rank_zero(self._comm, write)
+        self._times.append(t)
+
+    def _make(self, shapes: xdmf.Fields, first: Callable[[h5py.File], object]) -> None:
+        """Make the file of fields with room for all that is planned, and what comes `first`."""
+        times, self._shapes = self._planned, shapes
+        count = {"Node": len(self._points), "Cell": len(self._cells)}
+        room = sum(4 * count[centre] * math.prod(shape) for centre, shape in shapes.values()) * len(times)
+
+        def write(file: h5py.File) -> None:
+            file["time"] = np.full(len(times), np.nan)
+            for name, (centre, shape) in shapes.items():
+                file.create_group(name).attrs["centre"] = centre
+                for index in range(len(times)):
+                    reserve(file, f"{name}/{index:05d}", (count[centre], *shape), np.float32)
+            first(file)
+            self._fields.note(file)
+
+        try:
+            self.store.make(FIELDS, write, room)
+        except OSError as error:
+            raise InputError(
+                f"{FIELDS}: {len(times)} outputs of {room / len(times) / 1e6:.1f} MB cannot be written ({error.strerror or error}); "
+                "give a folder with more room, or a longer output.every."
+            ) from error
+
+    def _begin_file(self, file: h5py.File) -> None:
+        file["mesh/points"], file["mesh/cells"] = self._points, self._cells.astype(np.int32)
+        for name, surface in self._obstacles.items():
+            surface.write(file.create_group(f"obstacles/{name}"))
+
+    def _widen(self) -> None:
+        """Make room for what is planned beyond what the file has room for; outputs after those that count become room again."""
+        with self.store.open(FIELDS) as old:
+            n, room = len(self._times), len(old["time"])
+
+            def copy(file: h5py.File) -> None:
+                for name in ("mesh", "obstacles"):
+                    if name in old:
+                        old.copy(name, file)
+                for name in self._shapes:
+                    for index in range(n):
+                        file[f"{name}/{index:05d}"][...] = old[f"{name}/{index:05d}"][...]
+                file["time"][:n] = self._times
+
+            if room < len(self._planned):
+                self._make(self._shapes, copy)
+            else:
+                self._fields.fill("time", np.full(room - n, np.nan), n)
+        self._index.begin(self._times, self._shapes)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Say in one sentence that results cannot be written."""
+        try:
+            yield
+        except OSError as error:
+            raise SolveError(
+                f"{error.filename or 'the run'}: cannot be written ({error.strerror or error}); what was stored before can be read, and "
+                "--resume goes on from there when there is room."
+            ) from error
+
+    @property
+    def _points(self) -> Floats:
+        assert self.numbering.points is not None
+        return self.numbering.points
+
+    @property
+    def _cells(self) -> Ints:
+        assert self.numbering.cells is not None
+        return self.numbering.cells
 
     def write_checkpoint(self, numbers: dict[str, Any], arrays: Mapping[str, Floats], progress: Mapping[str, Any]) -> None:
         """Save the whole state; `arrays` are local and flat (see `Checkpoint`)."""
@@ -108,9 +195,10 @@ class RunWriter:
         gathered = {name: self.numbering.gather(values) for name, values in arrays.items()}
 
         def write() -> None:
-            self.history.write(self.store)
             kept = {name: values for name, values in gathered.items() if values is not None}
-            Checkpoint(identity, numbers, kept, progress, self._times, len(self.history.rows)).write(self.store)
+            with self._writing():
+                self.history.write()
+                Checkpoint(identity, numbers, kept, progress, self._times, self.history.n_rows).write(self.store)
 
         on_rank_zero(self._comm, write)
 
@@ -123,23 +211,26 @@ class RunWriter:
             If there is none, it belongs to another problem, or a file is damaged.
         """
         found: Checkpoint
-        found, self.history.rows = on_rank_zero(self._comm, self._load)
+        found, self.history = on_rank_zero(self._comm, self._load)
         self._times = found.times
         return replace(found, arrays={name: self.numbering.scatter(values) for name, values in found.arrays.items()})
 
-    def _load(self) -> tuple[Checkpoint, list[Row]]:
+    def _load(self) -> tuple[Checkpoint, History]:
         assert self._identity is not None
-        assert self.numbering.points is not None
-        n_nodes, name = len(self.numbering.points), checkpoints.FILE
+        name = checkpoints.FILE
         try:
-            found = Checkpoint.read(self.store, self._identity, n_nodes)
+            found = Checkpoint.read(self.store, self._identity, len(self._points))
             name = histories.FILE
-            rows = read_rows(self.store, found.n_rows)
+            self.history.read(found.n_rows)
             name = FIELDS
-            with self.store.open(FIELDS, "r+") as file:
-                if len(file["mesh/points"]) != n_nodes:
+            with self.store.open(FIELDS) as file:
+                if len(file["mesh/points"]) != len(self._points):
                     raise ValueError("it holds another mesh")
-                _forget_outputs(file, len(found.times))
+                if np.isfinite(file["time"][: len(found.times)]).sum() < len(found.times):
+                    raise ValueError("it has fewer times than the checkpoint")
+                groups = {key: group for key, group in file.items() if "centre" in group.attrs}
+                self._shapes = {key: (group.attrs["centre"], group["00000"].shape[1:]) for key, group in groups.items()}
+                self._fields.note(file)
         except InputError:
             raise
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -147,27 +238,14 @@ class RunWriter:
             raise InputError(
                 f"{name}: cannot be read ({reason}); there is nothing to resume, so run without --resume; a whole run folder is expected."
             ) from error
-        return found, rows
+        return found, self.history
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the history and ``summary.json``."""
 
         def write() -> None:
-            self.history.write(self.store)
-            self.store.replace(SUMMARY, lambda target: _write_text(target, json.dumps(summary, indent=2) + "\n"))
+            with self._writing():
+                self.history.close()
+                self.store.replace(SUMMARY, lambda target: target.write((json.dumps(summary, indent=2) + "\n").encode()))
 
         on_rank_zero(self._comm, write)
-
-
-def _forget_outputs(file: h5py.File, n_outputs: int) -> None:
-    """Remove fields that were written after the checkpoint."""
-    for key, group in file.items():
-        for name in [n for n in group if key != "obstacles" and n.isdigit() and int(n) >= n_outputs]:
-            del group[name]
-
-
-def _write_text(target: Any, text: str) -> None:
-    if hasattr(target, "write"):
-        target.write(text.encode())
-    else:
-        target.write_text(text, encoding="utf-8")

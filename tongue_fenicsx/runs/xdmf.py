@@ -9,12 +9,23 @@ from xml.etree import ElementTree as ET
 from .store import Store
 
 FILE = "fields.xdmf"
+HEAD = b"""<?xml version="1.0" encoding="utf-8"?>
+<Xdmf Version="3.0">
+<Domain>
+<Grid Name="tongue" GridType="Collection" CollectionType="Temporal">
+"""
+TAIL = b"""
+</Grid>
+</Domain>
+</Xdmf>
+"""
+
+Fields = Mapping[str, tuple[str, tuple[int, ...]]]
+"""Name of each field to ``Node`` or ``Cell`` and the shape of a value."""
 
 
-def write_xdmf(
-    store: Store, data: str, times: list[float], n_nodes: int, n_cells: int, fields: Mapping[str, tuple[str, tuple[int, ...]]]
-) -> None:
-    """Write the index of fields over time.
+class Index:
+    """The index of fields over time, to which times are appended.
 
     Parameters
     ----------
@@ -22,31 +33,42 @@ def write_xdmf(
         Where.
     data : str
         Name of the HDF5 file beside it, with ``mesh/points``, ``mesh/cells`` and each field as ``NAME/00000``, ``NAME/00001``, …
-    times : list of float
-        In s.
     n_nodes, n_cells : int
         Of the quadratic mesh.
-    fields : mapping
-        Name to ``Node`` or ``Cell`` and the shape of a value.
     """
-    root = ET.Element("Xdmf", Version="3.0")
-    series = ET.SubElement(ET.SubElement(root, "Domain"), "Grid", Name="tongue", GridType="Collection", CollectionType="Temporal")
 
-    def point(parent: ET.Element, path: str, dimensions: str, kind: str, precision: str) -> None:
-        item = ET.SubElement(parent, "DataItem", Dimensions=dimensions, NumberType=kind, Precision=precision, Format="HDF")
-        item.text = f"{data}:/{path}"
+    def __init__(self, store: Store, data: str, n_nodes: int, n_cells: int) -> None:
+        self._store, self._data, self._n_nodes, self._n_cells = store, data, n_nodes, n_cells
+        self._end = len(HEAD)
 
-    for index, t in enumerate(times):
-        grid = ET.SubElement(series, "Grid", Name="tongue", GridType="Uniform")
+    def begin(self, times: list[float], fields: Fields) -> None:
+        """Begin with the first outputs, at these times in s."""
+        grids = b"".join(self._grid(index, t, fields) for index, t in enumerate(times))
+        self._store.replace(FILE, lambda target: target.write(HEAD + grids + TAIL))
+        self._end = len(HEAD + grids)
+
+    def append(self, index: int, t: float, fields: Fields) -> None:
+        """Add the output of number `index`, at `t` (s)."""
+        grid = self._grid(index, t, fields)
+        self._store.write_at(FILE, self._end, grid + TAIL)
+        self._end += len(grid)
+
+    def _grid(self, index: int, t: float, fields: Fields) -> bytes:
+        grid = ET.Element("Grid", Name="tongue", GridType="Uniform")
         ET.SubElement(grid, "Time", Value=repr(t))
-        topology = ET.SubElement(grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(n_cells))
-        point(topology, "mesh/cells", f"{n_cells} 10", "Int", "4")
+
+        def point(parent: ET.Element, path: str, dimensions: str, kind: str, precision: str) -> None:
+            item = ET.SubElement(parent, "DataItem", Dimensions=dimensions, NumberType=kind, Precision=precision, Format="HDF")
+            item.text = f"{self._data}:/{path}"
+
+        topology = ET.SubElement(grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(self._n_cells))
+        point(topology, "mesh/cells", f"{self._n_cells} 10", "Int", "4")
         geometry = ET.SubElement(grid, "Geometry", GeometryType="XYZ")
-        point(geometry, "mesh/points", f"{n_nodes} 3", "Float", "8")
+        point(geometry, "mesh/points", f"{self._n_nodes} 3", "Float", "8")
         for name, (centre, shape) in fields.items():
             kind = {0: "Scalar", 1: "Vector", 2: "Tensor"}[len(shape)]
             attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center=centre)
-            count = n_nodes if centre == "Node" else n_cells
+            count = self._n_nodes if centre == "Node" else self._n_cells
             point(attribute, f"{name}/{index:05d}", " ".join(map(str, (count, *shape))), "Float", "4")
-    ET.indent(root)
-    store.replace(FILE, lambda target: ET.ElementTree(root).write(target, xml_declaration=True, encoding="utf-8"))
+        ET.indent(grid)
+        return ET.tostring(grid)
