@@ -51,8 +51,8 @@ def claim(folder: Path, figures: Iterable[str], *, resume: bool, overwrite: bool
             raise InputError(f"{folder / own[0]}: was not left by a run, which would replace it; give another folder.")
         if not (resume or overwrite) and any((folder / name).exists() for name in (SUMMARY, CHECKPOINT)):
             raise InputError(
-                f"{folder}: holds a run already, {_describe(folder / SUMMARY)}; overwrite (--overwrite) replaces it, resume (--resume) goes "
-                "on from its checkpoint, another folder leaves it."
+                f"{folder}: holds a run already, {_describe(folder / SUMMARY)}; overwrite (--overwrite) replaces it, "
+                "resume (--resume) goes on from its checkpoint, another folder leaves it."
             )
         yield
     finally:
@@ -65,3 +65,9 @@ def _describe(summary: Path) -> str:
     with reading(summary, "the summary of a run"):
         found = json.loads(summary.read_text(encoding="utf-8"))
         return f"{found['status']} at t = {found['t_end']:g} s"
+
+
+def check_claim(folder: Path, figures: Iterable[str], *, resume: bool, overwrite: bool) -> None:
+    """Raise what `claim` would raise now."""
+    with claim(folder, figures, resume=resume, overwrite=overwrite):
+        pass

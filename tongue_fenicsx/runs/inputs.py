@@ -32,17 +32,30 @@ class Inputs:
 
     def install(self, folder: Path) -> None:
         """Write all into a folder, each at once."""
-        for name, write in {**self.files, SCENARIO: lambda path: path.write_text(self.scenario, encoding="utf-8")}.items():
+
+        def write_scenario(path: Path) -> None:
+            path.write_text(self.scenario, encoding="utf-8")
+
+        for name, write in {**self.files, SCENARIO: write_scenario}.items():
             temporary = folder / f"partial-{name}"
             write(temporary)
             os.replace(temporary, folder / name)
 
 
-def mesh_files(path: Path) -> dict[str, Callable[[Path], object]]:
-    """The files of a mesh, as `Inputs` takes them."""
+def mesh_files(path: Path, link: bool = False) -> dict[str, Callable[[Path], object]]:
+    """The files of a mesh, as `Inputs` takes them; hard links to them, if that is wanted and can be."""
     beside = {suffix: path.with_suffix(suffix) for suffix in (".msh", ".h5", ".json", ".fibres.json")}
-    return {f"mesh{suffix}": _copy(source) for suffix, source in beside.items() if source.is_file()}
+    return {f"mesh{suffix}": copy_of(source, link) for suffix, source in beside.items() if source.is_file()}
 
 
-def _copy(source: Path) -> Callable[[Path], object]:
-    return lambda target: shutil.copyfile(source, target)
+def copy_of(source: Path, link: bool = False) -> Callable[[Path], object]:
+    """What writes a copy of a file, or a hard link to it if that can be."""
+
+    def write(target: Path) -> None:
+        target.unlink(missing_ok=True)
+        if link and source.stat().st_dev == target.parent.stat().st_dev:
+            os.link(source, target)
+        else:
+            shutil.copyfile(source, target)
+
+    return write

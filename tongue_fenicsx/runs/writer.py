@@ -31,9 +31,11 @@ from .numbering import Numbering
 from .reserved import Reserved, reserve
 from .store import Store
 
-FIELDS, SUMMARY, SCENARIO, LOG = "fields.h5", "summary.json", "scenario.toml", "log.txt"
-RUN_FILES = (SCENARIO, FIELDS, xdmf.FILE, histories.FILE, SUMMARY, LOG, checkpoints.FILE)
-"""What a run folder holds beside the mesh, tables and figures."""
+FIELDS, SUMMARY, LOG = "fields.h5", "summary.json", "log.txt"
+RUN_FILES = (FIELDS, xdmf.FILE, histories.FILE, SUMMARY, LOG, checkpoints.FILE)
+"""What a run folder holds beside what made it, tables and figures."""
+LEFT_BEFORE = (xdmf.FILE, histories.FILE, SUMMARY, checkpoints.FILE)
+"""What a new run, whose fields are in place, must not find of an earlier one."""
 
 
 class RunWriter:
@@ -100,13 +102,15 @@ class RunWriter:
         gathered |= {name: self.numbering.gather_cells(values) for name, values in cellwise.items()}
 
         def write() -> None:
-            shapes = {name: ("Node" if name in nodal else "Cell", np.shape(values)[1:]) for name, values in gathered.items()}
+            shapes = {name: ("Node" if name in nodal else "Cell", np.asarray(values).shape[1:]) for name, values in gathered.items()}
             if not self._times:
                 self._make(shapes, self._begin_file)
                 self._prepare()
                 self._index.begin([], shapes)
             elif shapes != self._shapes:
-                raise InputError(f"fields: {', '.join(shapes)} at t = {t:g} s, {', '.join(self._shapes)} before; the same ones are expected.")
+                raise InputError(
+                    f"fields: {', '.join(shapes)} at t = {t:g} s, {', '.join(self._shapes)} before; the same ones are expected."
+                )
             index = len(self._times)
             with self._writing():
                 for name, values in gathered.items():

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 import numpy as np
+import tomli_w
 from mpi4py import MPI
 
 from ..anatomy.anatomy import Anatomy
@@ -27,14 +26,11 @@ from ..mechanics.contact import Contact
 from ..mechanics.contraction import Contraction
 from ..mechanics.control import OpenLoop
 from ..mechanics.model import Model
-from ..meshing import build as meshing
 from ..meshing.tongue_mesh import TongueMesh
+from ..runs.inputs import MESH, Inputs, copy_of, mesh_files
 from ..simulation.simulation import Simulation, resolve_sides
 from ..simulation.stepping import Stepping
 from .schema import ContactSection, MeshSection, Scenario, value_of
-
-MESH_FILES = ("mesh.msh", "mesh.h5", "mesh.json")
-"""What a run folder keeps of a mesh that was built for it."""
 
 
 def anatomy_of(source: MeshSection) -> Anatomy:
@@ -52,8 +48,8 @@ def size_of(source: MeshSection) -> float:
 def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Simulation:
     """The simulation that a scenario describes, on the ranks of `comm`.
 
-    A mesh that has to be built is built in a folder of its own and moved to `workspace` when everything fits, so that bad
-    input costs nothing that is there; with `keep_mesh` the one in `workspace` is taken again.
+    A mesh that has to be built is kept as long as the simulation is, and copied into its run folders; with `keep_mesh` the one that a run
+    left in `workspace` is taken again.
 
     Raises
     ------
@@ -63,18 +59,31 @@ def simulation_of(scenario: Scenario, workspace: Path, keep_mesh: bool = False, 
     s = scenario
     if s.mesh.file is not None:
         return _simulation(s, TongueMesh.read(Path(s.mesh.file), comm, s.mesh.unit or "m"))
-    kept = workspace / MESH_FILES[0]
+    kept = workspace / MESH
     if keep_mesh and comm.bcast(kept.is_file()):
         return _simulation(s, TongueMesh.read(kept, comm))
     anatomy = on_rank_zero(comm, lambda: anatomy_of(s.mesh))
     for name in s.activation:  # before the mesh, which takes longer
         resolve(name, anatomy.muscles, f"activation.{name}")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(comm.bcast(folder)) / MESH_FILES[0]
-        on_rank_zero(comm, lambda: meshing.build(anatomy, path, size_of(s.mesh)))
-        simulation = _simulation(s, TongueMesh.read(path, comm))
-        on_rank_zero(comm, lambda: [shutil.copyfile(path.with_name(name), workspace / name) for name in MESH_FILES])
-    return simulation
+    return _simulation(s, TongueMesh.from_anatomy(anatomy, size_of(s.mesh), comm))
+
+
+def inputs_of(scenario: Scenario, tongue: TongueMesh, link: bool = False) -> Inputs:
+    """What makes the run of a scenario on its mesh again from any folder: the mesh (a hard `link` to it, if that is wanted and can be) and
+    surfaces as files beside the scenario, tables of activations as pieces in it."""
+    s = scenario
+    assert tongue.source is not None
+    files = mesh_files(tongue.source, link)
+    data = s.model_dump(exclude_none=True)
+    source = ", ".join(f"{key} = {value}" for key, value in data["mesh"].items() if value)
+    data["mesh"] = {"file": MESH} | ({"unit": s.mesh.unit} if s.mesh.unit else {})
+    for name, section in s.contact.items():
+        if section.surface is not None and (suffix := Path(section.surface).suffix) in SUFFIXES:
+            data["contact"][name]["surface"] = f"surface-{name}{suffix}"
+            files[f"surface-{name}{suffix}"] = copy_of(Path(section.surface))
+    for name, course in s.activation.items():
+        data["activation"][name] = {"pieces": [list(piece) for piece in course.course().pieces]}
+    return Inputs(f"# Mesh: {source}\n\n{tomli_w.dumps(data)}", files)
 
 
 def _contacts(s: Scenario, tongue: TongueMesh) -> dict[str, Contact]:

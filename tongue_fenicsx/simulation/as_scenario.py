@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import tomli_w
 from ..anatomy.catalogue import base_name
 from ..core.types import Floats
 from ..geometry.obstacles import OBSTACLES, Triangulated
+from ..geometry.surface import Surface
 from ..mechanics.activation import Activation, Course, Excited
 from ..mechanics.control import Control, OpenLoop
 from ..mechanics.hyperelasticity import LAWS
@@ -46,7 +48,7 @@ def as_scenario(
     told = _Told(model)
     tissue = model.tissue
     sections: dict[str, Any] = {
-        "mesh": {"file": MESH},
+        "mesh": {"file": MESH, "unit": model.tongue.unit},
         "tissue": {
             **told.law(tissue.law, "tissue"),
             "formulation": "mixed" if model.mixed else "displacement",
@@ -124,7 +126,7 @@ class _Told:
             if all(map(np.array_equal, ours, (surface.points, surface.triangles))):
                 return {"surface": bone}
         file = f"surface-{name}.vtp"
-        self.files[file] = lambda path, surface=obstacle.surface: surface.to_pyvista().save(path)
+        self.files[file] = partial(_save, obstacle.surface)
         return {"surface": file}
 
     def activation(self, control: Control, t_end: float) -> dict[str, Any]:
@@ -147,6 +149,10 @@ class _Told:
         times = np.append(np.arange(0.0, t_end - STEP / 2, STEP), t_end)
         levels = [course(float(t)) for t in times]
         return [[float(t1 - t0), a, b] for t0, t1, a, b in zip(times, times[1:], levels, levels[1:], strict=False)]
+
+
+def _save(surface: Surface, path: Path) -> None:
+    surface.to_pyvista().save(path)
 
 
 def _numbers(value: Any, *without: str) -> dict[str, Any]:

@@ -44,7 +44,7 @@ class Task:
         In s.
     kinks : list of float
         Times in s that steps must end on.
-    report, after_step : callable, optional
+    report, after_step, seed : optional
         See `Simulation.run`.
     """
 
@@ -55,6 +55,7 @@ class Task:
     kinks: list[float]
     report: Report | None = None
     after_step: Callable[[Snapshot], object] | None = None
+    seed: int | None = None
 
 
 class Loop:
@@ -77,10 +78,11 @@ class Loop:
         self._comm = task.model.tongue.comm
         self._totals, self._calm = Totals(), False
 
-    def begin(self, clock: float) -> None:
-        """Begin at rest; `clock` is when setting up began."""
+    def begin(self, replace_old: Callable[[], object], clock: float) -> None:
+        """Begin at rest; `replace_old` makes way where the results go, `clock` is when setting up began."""
         self._steps = StepControl(self._task.stepping, self._task.t_end, self._task.kinks)
-        self._writer.start({name: contact.obstacle.surface for name, contact in self._task.model.contacts.items()})
+        obstacles = {name: contact.obstacle.surface for name, contact in self._task.model.contacts.items()}
+        self._writer.begin(self._steps.outputs, obstacles, replace_old)
         self._now = self._engine.start(self._task.levels(0.0, self._engine.rest()))
         self._record()
         self._output()
@@ -92,12 +94,13 @@ class Loop:
         state = State(**{**saved.numbers, **saved.arrays, "gammas": tuple(saved.numbers["gammas"])})
         balance, self._totals = Balance(**saved.progress["balance"]), Totals(**saved.progress["totals"])
         self._steps = StepControl(self._task.stepping, self._task.t_end, self._task.kinks, **saved.progress["steps"])
+        self._writer.go_on(self._steps.outputs)
         self._now = self._engine.resume(state, saved.progress["levels"], balance)
         self._engine.log(f"resumed at t = {state.t:.6f} s")
         self._set_clock(clock)
 
     def _set_clock(self, clock: float) -> None:
-        self._clock = time.perf_counter()
+        self._clock, self._cpu = time.perf_counter(), time.process_time()
         self._totals.setup_seconds += self._clock - clock
 
     def go(self) -> None:
@@ -188,9 +191,10 @@ class Loop:
         self._writer.write_fields(self._now.t, nodal, cellwise)
 
     def _checkpoint(self) -> None:
-        now = time.perf_counter()
+        now, cpu = time.perf_counter(), time.process_time()
         self._totals.wall_seconds += now - self._clock
-        self._clock = now
+        self._totals.cpu_seconds += self._comm.allreduce(cpu - self._cpu)
+        self._clock, self._cpu = now, cpu
         state = self._engine.equations.state
         numbers = {name: getattr(state, name) for name in NUMBERS}
         arrays = {item.name: getattr(state, item.name) for item in fields(state) if item.name not in NUMBERS}
@@ -206,7 +210,7 @@ class Loop:
         self._checkpoint()
         writer = self._writer
         numbers = (self._now, self._totals, writer.history, writer.numbering, self._engine.n_unknowns)
-        writer.finish(summarise(Ending(status, self._task.model, *numbers, reason=reason)))
+        writer.finish(summarise(Ending(status, self._task.model, *numbers, reason=reason, seed=self._task.seed)))
         for line in warn(self._now.balance.error):
             self._engine.log(line)
         self._engine.log(f"{status} at t = {self._now.t:.6f} s after {self._totals.wall_seconds:.1f} s")

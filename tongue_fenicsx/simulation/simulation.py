@@ -12,18 +12,22 @@ from typing import Any
 import numpy as np
 
 from ..anatomy.catalogue import resolve
-from ..core.errors import InputError, check_outputs
+from ..core.errors import InputError
 from ..core.fingerprint import fingerprint
 from ..core.parallel import on_rank_zero
 from ..mechanics.activation import Course, FunctionOfTime
 from ..mechanics.control import Control, OpenLoop
 from ..mechanics.model import Model
+from ..runs.claim import claim
 from ..runs.figures import figure_files
+from ..runs.inputs import KEPT, Inputs
+from ..runs.log import Log
 from ..runs.run import Run
 from ..runs.store import Folder, Memory
-from ..runs.writer import LOG, RUN_FILES, SCENARIO, RunWriter
+from ..runs.writer import LEFT_BEFORE, LOG, RunWriter
 from ..solvers.tolerances import Tolerances
 from . import fields, records, summary  # noqa: F401  the standard quantities register themselves
+from .as_scenario import as_scenario
 from .engine import Engine
 from .loop import Loop, Task
 from .probes import Probes
@@ -85,9 +89,11 @@ class Simulation:
         output: str | Path | None = None,
         *,
         resume: bool = False,
+        overwrite: bool = False,
         report: Report | None = None,
         after_step: Callable[[Snapshot], object] | None = None,
-        scenario: str | None = None,
+        inputs: Inputs | None = None,
+        seed: int | None = None,
     ) -> Run:
         """Simulate from rest to `t_end` seconds.
 
@@ -101,17 +107,22 @@ class Simulation:
             The run folder; without one the result stays in memory.
         resume : bool
             Go on from the folder's checkpoint.
+        overwrite : bool
+            Replace the run that the folder holds.
         report : callable, optional
             Called with the `Progress` after each step, on rank 0.
         after_step : callable, optional
             Called with the `Snapshot` after each step, on all ranks.
-        scenario : str, optional
-            Text of the folder's ``scenario.toml``.
+        inputs : Inputs, optional
+            What the folder keeps to make the run again; by default the values of the simulation, told as a scenario.
+        seed : int, optional
+            Of the design that the run is part of, for its record.
 
         Raises
         ------
         InputError
-            If a muscle is not in the mesh, `t_end` is not positive, the folder cannot be written, or there is nothing to resume.
+            If a muscle is not in the mesh, `t_end` is not positive, the folder cannot be written, belongs to another process or holds a run
+            that is neither to go on nor to be replaced, or there is nothing to resume.
         SolveError
             If the solve fails at the smallest step; everything up to the last good state is saved.
         """
@@ -126,40 +137,43 @@ class Simulation:
         control = _control(activation)
         sides = resolve_sides(control, model)
         store = Memory() if output is None else Folder(Path(output))
-        if isinstance(store, Folder):
-            on_rank_zero(comm, lambda: check_outputs(store.path / "figures"))
-            on_rank_zero(comm, lambda: check_outputs(store.path, [*RUN_FILES, *figure_files()]))
-        engine = self._prepare([name for names in sides.values() for name in names])
-
-        def levels(t: float, now: Snapshot) -> dict[str, float]:
-            return {name: level for key, level in control.levels(t, now).items() for name in sides[key]}
-
-        identity = self._identify(control) if isinstance(store, Folder) else None
-        writer = RunWriter(store, engine.weak.V, self.probes.rest, identity)
-        task = Task(model, self.stepping, levels, t_end, [*model.kinks, *control.kinks], report, after_step)
-        loop = Loop(engine, task, writer, str(output or "memory"))
-        saved = writer.read_checkpoint() if resume else None
         with ExitStack() as stack:
-            log = None
-            if isinstance(store, Folder) and comm.rank == 0:
-                log = stack.enter_context(open(store.path / LOG, "a" if resume else "w", encoding="utf-8"))
-                if scenario is not None:
-                    (store.path / SCENARIO).write_text(scenario, encoding="utf-8")
+            log = Log(None)
+            if isinstance(store, Folder):
+                taken = claim(store.path, figure_files(), resume=resume, overwrite=overwrite)
+                on_rank_zero(comm, lambda: stack.enter_context(taken))
+                log = Log(store.path / LOG if comm.rank == 0 else None)
+            engine = self._prepare([name for names in sides.values() for name in names])
+            engine.log = log.say
 
-            def say(line: str) -> None:
-                if log is not None:
-                    log.write(line + "\n")
-                    log.flush()
+            def levels(t: float, now: Snapshot) -> dict[str, float]:
+                return {name: level for key, level in control.levels(t, now).items() for name in sides[key]}
 
-            engine.log = say
-            say(f"{model.tongue.name}: {engine.n_unknowns} unknowns on {comm.size} rank(s)")
-            if saved is None:
-                loop.begin(clock)
-            else:
+            def replace_old() -> None:
+                """Take what an earlier run left out of the folder, and put in what makes this one."""
+                if isinstance(store, Folder):
+                    for name in (*LEFT_BEFORE, *KEPT, *figure_files()):
+                        store.remove(name)
+                    (inputs or self._told(control, t_end)).install(store.path)
+                log.open(anew=True)
+
+            identity = self._identify(control) if isinstance(store, Folder) else None
+            writer = RunWriter(store, engine.weak.V, self.probes.rest, identity)
+            task = Task(model, self.stepping, levels, t_end, [*model.kinks, *control.kinks], report, after_step, seed)
+            loop = Loop(engine, task, writer, str(output or "memory"))
+            log.say(f"{model.tongue.name}: {engine.n_unknowns} unknowns on {comm.size} rank(s)")
+            if resume:
+                saved = writer.read_checkpoint()
+                log.open(anew=False)
                 loop.resume(saved, clock)
+            else:
+                loop.begin(replace_old, clock)
             loop.go()
-        comm.barrier()
+            comm.barrier()
         return Run(store.path) if isinstance(store, Folder) else Run(Memory(comm.bcast(store.files)))
+
+    def _told(self, control: Control, t_end: float) -> Inputs:
+        return as_scenario(self.model, self.stepping, self.tolerances, self.probes.rest, control, t_end)
 
     def _prepare(self, muscles: list[str]) -> Engine:
         """The engine for these muscles: the last one, if it serves."""

@@ -61,6 +61,11 @@ class StepControl:
         every = self._stepping.output_every
         return abs(t / every - round(t / every)) < 1e-6 or t >= self._t_end * (1 - 1e-12)
 
+    @property
+    def outputs(self) -> list[float]:
+        """Times in s at which fields are stored."""
+        return [time for time in self._milestones if self.stores(time)]
+
     def find_fault(self, equations: Equations, before: State) -> str | None:
         """What is wrong with the error of the step that led from `before`; None if it may stand, as steps of the least length always do."""
         tolerance = self._stepping.tolerance

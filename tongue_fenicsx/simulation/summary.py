@@ -12,7 +12,7 @@ from mpi4py import MPI
 from ..anatomy.catalogue import peak_stress
 from ..core.memory import peak_memory
 from ..core.types import Floats
-from ..core.versions import versions
+from ..core.versions import circumstances, versions
 from ..mechanics.hyperelasticity import numbers
 from ..mechanics.model import Model
 from ..runs.history import History
@@ -44,6 +44,8 @@ class Ending:
         Of a solve.
     reason : str
         Why it failed.
+    seed : int or None
+        Of the design that the run is part of.
     """
 
     status: str
@@ -54,6 +56,7 @@ class Ending:
     numbering: Numbering
     n_unknowns: int
     reason: str = ""
+    seed: int | None = None
 
 
 def summarise(ending: Ending) -> dict[str, Any]:
@@ -157,6 +160,11 @@ def _model(end: Ending) -> dict[str, Any]:
         "tendon_length_m": model.contraction.tendon_length,
         "sigma_max": peak_stress(end.now.levels, tissue.peak_stress),
     }
+
+
+@summary("record", unit="1", label="what computed, when and how it was called")
+def _record(end: Ending) -> dict[str, Any]:
+    return circumstances() | {"seed": end.seed}
 
 
 @summary("versions", unit="1", label="versions of what computed")

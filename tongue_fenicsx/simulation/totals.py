@@ -20,6 +20,7 @@ class Totals:
     fallbacks: dict[str, int] = field(default_factory=dict)
     wall_seconds: float = 0.0
     setup_seconds: float = 0.0
+    cpu_seconds: float = 0.0
     volume_change_max: float = 0.0
     min_jacobian: float = 1.0
     hencky_von_mises_max: float = 0.0

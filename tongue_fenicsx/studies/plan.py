@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import tomli_w
 from filelock import FileLock, Timeout
 
 from ..core.errors import InputError
@@ -52,11 +51,6 @@ class Case:
         tables = scenario.model_dump(exclude_none=True)
         mesh = Path(str(scenario.mesh.file))
         return cls(name, tables, fingerprint({**tables, "mesh": _held(mesh, mesh.stat().st_mtime_ns)}), parameters or {})
-
-    @property
-    def text(self) -> str:
-        """Its ``scenario.toml``."""
-        return tomli_w.dumps(self.scenario)
 
 
 @dataclass(frozen=True)

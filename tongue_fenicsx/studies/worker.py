@@ -23,7 +23,7 @@ from mpi4py import MPI
 from ..core.errors import InputError, SolveError
 from ..core.parallel import on_rank_zero
 from ..runs.run import Run
-from ..scenario.build import Workbench, activation_of
+from ..scenario.build import Workbench, activation_of, inputs_of
 from ..scenario.schema import Scenario
 from ..simulation.stepping import Progress
 from .plan import DONE, FAILED, LOGS, Case, Outcome, Plan
@@ -133,7 +133,8 @@ class Worker:
 
         def go(resume: bool) -> Run:
             activation = activation_of(scenario)
-            return simulation.run(activation, scenario.time.end, folder, resume=resume, report=report, scenario=case.text)
+            inputs = inputs_of(scenario, simulation.model.tongue, link=True)
+            return simulation.run(activation, scenario.time.end, folder, resume=resume, overwrite=not resume, report=report, inputs=inputs)
 
         def report(progress: Progress) -> None:
             self._report(News(case.name, progress.t / progress.t_end))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...core.errors import check_outputs, within
+from ...core.errors import InputError, within
 from ...core.interruption import Interrupted, Paused
 from ..options import Changes, ScenarioFile
 from ..progress import ProgressBar
@@ -22,26 +22,33 @@ def run(
     scenario: ScenarioFile,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folder.")],
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the run that the folder holds.")] = False,
     changes: Changes = None,
 ) -> None:
     """Run one simulation, also under mpiexec -n N."""
-    from ...scenario.files import dump, load
+    from ...scenario.files import load
+
+    if resume and overwrite:
+        raise InputError("--resume and --overwrite: give one of them.")
 
     loaded = load(scenario, changes)
 
     from mpi4py import MPI
 
     from ...core.parallel import on_rank_zero
+    from ...runs.claim import check_claim
+    from ...runs.figures import figure_files
     from ...scenario import build as assemble
 
     comm = MPI.COMM_WORLD
-    on_rank_zero(comm, lambda: check_outputs(output, assemble.MESH_FILES))
+    on_rank_zero(comm, lambda: check_claim(output, figure_files(), resume=resume, overwrite=overwrite))
     with within(scenario):
         simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
         courses = assemble.activation_of(loaded)
+        inputs = assemble.inputs_of(loaded, simulation.model.tongue)
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
-            result = simulation.run(courses, loaded.time.end, output, resume=resume, report=bar, scenario=dump(loaded))
+            result = simulation.run(courses, loaded.time.end, output, resume=resume, overwrite=overwrite, report=bar, inputs=inputs)
     except Paused as paused:
         raise Interrupted(paused.number, f"{paused}, go on with --resume") from None
     if comm.rank == 0:
