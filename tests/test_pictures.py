@@ -42,7 +42,8 @@ def run(tongue: tf.TongueMesh, workspace: Path) -> tf.Run:
     stepping = tf.Stepping(step_max=2.5e-3, output_every=5e-3, fields=["cauchy", "fibre_stretch"])
     model = tf.Model(tongue, contacts={"plane": plane})
     folder = workspace / "pictured"
-    tf.Simulation(model, stepping=stepping).run({"GGP": tf.ramp(0.01, 0.01)}, 0.01, folder, scenario=SCENARIO.format(c10=192.0, level=1.0))
+    tf.Simulation(model, stepping=stepping).run({"GGP": tf.ramp(0.01, 0.01)}, 0.01, folder)
+    (folder / "scenario.toml").write_text(SCENARIO.format(c10=192.0, level=1.0))
     return tf.Run(folder)
 
 

@@ -15,6 +15,7 @@ import sys
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -144,7 +145,7 @@ def test_killed_at_any_write(simulation: tf.Simulation, tmp_path: Path) -> None:
     struck = 0
     for n in tried:
         folder = tmp_path / f"killed-{n}"
-        if killed_at(folder, n, lambda folder=folder: simulation.run(GGP, 0.02, folder)):
+        if killed_at(folder, n, partial(simulation.run, GGP, 0.02, folder)):
             struck += 1
             check_readable(folder)
         resume = (folder / "checkpoint.h5").exists()
@@ -161,7 +162,7 @@ def test_killed_while_going_on(simulation: tf.Simulation, tmp_path: Path) -> Non
     for n in range(0, 90, 15):
         folder = tmp_path / f"killed-{n}"
         shutil.copytree(tmp_path / "begun", folder)
-        assert killed_at(folder, n, lambda folder=folder: simulation.run(GGP, 0.03, folder, resume=True))
+        assert killed_at(folder, n, partial(simulation.run, GGP, 0.03, folder, resume=True))
         check_readable(folder)
         simulation.run(GGP, 0.03, folder, resume=True)
         same(folder, whole.folder)
@@ -260,8 +261,11 @@ def test_long_histories(simulation: tf.Simulation, tmp_path: Path) -> None:
 class Feedback:
     """A control that no scenario can say."""
 
-    muscles = ("GGP",)
-    kinks = ()
+    muscles: tuple[str, ...] = ("GGP",)
+
+    @property
+    def kinks(self) -> list[float]:
+        return []
 
     def levels(self, t: float, state: object) -> dict[str, float]:
         return {"GGP": 0.1}
