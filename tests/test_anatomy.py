@@ -101,6 +101,16 @@ def test_size_of_a_person(parametric: tf.Anatomy) -> None:
             TongueShape.of_person(*arguments)
 
 
+def test_a_small_tongue_is_measured(parametric: tf.Anatomy) -> None:
+    """The smallest tongue of all, 0.4 of the drawing and low, has an oral part, and every figure of it is one."""
+    squeeze = np.array([0.4 * 58 / 70, 0.4 * 40 / 50, 0.4 * 32 / 39.4])
+    grown = measure(parametric.surface, parametric.genial_spine)
+    small = measure(parametric.surface.transform(lambda X: squeeze * X), squeeze * parametric.genial_spine)
+    assert 0.8 * grown.width < small.width / squeeze[1] <= 1.01 * grown.width
+    assert small.proper_volume == pytest.approx(np.prod(squeeze) * grown.proper_volume, rel=0.05)
+    assert 0.01 < small.arc_length < 0.4 * grown.arc_length
+
+
 def test_bones(parametric: tf.Anatomy) -> None:
     """Vault 17 mm deep and 21 mm half-wide, rest gaps of the table, the mandible's inner width, the hyoid's place; none in the tongue."""
     bones = parametric.bones

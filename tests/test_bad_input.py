@@ -3,20 +3,25 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import gmsh
 import numpy as np
 import pytest
-from conftest import opened, write_block
+import pyvista as pv
+from conftest import EXAMPLE, opened, write_block
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.geometry.surface import Surface, close_surface
 from tongue_fenicsx.scenario.files import dump, load
 from tongue_fenicsx.testing import box
 
@@ -527,3 +532,159 @@ def test_fibres(place: Path, capsys: pytest.CaptureFixture[str], fibres: str, me
     said = refused(capsys, place, "check", path)
     assert f"error: {path}: {place / 'spoiled.fibres.json'}: " in said
     assert all(part in said for part in message.split(" … "))
+
+
+def _edit(folder: Path, name: str, change: Callable[[Any], Any]) -> None:
+    path = folder / name
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+
+
+def _scaled_bone(folder: Path, length: float) -> None:
+    pv.Cube(x_length=length, y_length=length / 2, z_length=length / 2).triangulate().save(folder / "jaw.vtp")
+
+
+def _spike(folder: Path) -> None:
+    """Push one vertex of the surface through the other side."""
+    surface = pv.read(folder / "tongue_surface.obj")
+    surface.points[np.argmax(surface.points[:, 2])] -= (0.0, 0.0, 60.0)
+    surface.save(folder / "tongue_surface.obj")
+
+
+def _open(folder: Path) -> None:
+    surface = pv.read(folder / "tongue_surface.obj")
+    surface.extract_cells(range(1, surface.n_cells)).extract_surface(algorithm=None).save(folder / "tongue_surface.ply")
+    (folder / "tongue_surface.obj").unlink()
+
+
+def _fibres(lines: object) -> Callable[[Path], None]:
+    return lambda folder: _edit(folder, "fibres.json", lambda data: data | {"GGP_L": lines})
+
+
+def _frame(text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / "frame.toml").write_text(text)
+
+
+SUBJECTS: list[tuple[str, Callable[[Path], object], str]] = [
+    ("frame.toml", _frame("unit = 'inch'"), "unit: 'inch' is not one of m, cm, mm"),
+    ("frame.toml", _frame("axes = 'LLS'"), "axes: 'LLS'; three letters are expected"),
+    ("frame.toml", _frame("axes = 3"), "axes: 3; three letters are expected"),
+    ("frame.toml", _frame("units = 'mm'"), "unknown key 'units'; known are unit, axes"),
+    ("frame.toml", _frame("mid_plane = 'y'"), "mid_plane: 'y'; a number is expected"),
+    ("frame.toml", _frame("mid_plane = nan"), "mid_plane: nan; a number is expected"),
+    ("frame.toml", _frame("repair = -1"), "repair: -1; zero or a positive number is expected"),
+    ("frame.toml", _frame("genial_spine = [1, 2]"), "genial_spine: [1, 2]; three numbers are expected"),
+    ("frame.toml", _frame("unit ="), "cannot be read (Invalid value"),
+    (
+        "tongue_surface.obj",
+        _frame("unit = 'm'\naxes = 'LPS'"),
+        "m long; a tongue of 0.03 to 0.3 m is expected, so state its unit in frame.toml",
+    ),
+    ("tongue_surface.obj", _spike, "triangles cross each other around ( … mm; a surface that does not cross itself is expected"),
+    ("tongue_surface.ply", _open, "the surface is open (3 edges belong to one triangle only)"),
+    ("tongue_surface.obj", lambda f: (f / "tongue_surface.obj").write_text("v 0 0 nan\n"), "a coordinate is not a finite number"),
+    ("jaw.vtp", lambda f: _scaled_bone(f, 0.08), "the bone is 8e-05 m long; 0.003 to 0.6 m is expected, in the unit of the folder"),
+    ("jaw.vtp", lambda f: _scaled_bone(f, 8e4), "the bone is 80 m long"),
+    ("jaw.vtp", lambda f: (f / "jaw.vtp").write_bytes(b"garbage"), "holds no triangles that have an area"),
+    (
+        "attachments.json",
+        lambda f: _edit(f, "attachments.json", lambda d: d | {"teeth": d["mandible"]}),
+        "'teeth' and 'mandible' share 16 triangles",
+    ),
+    (
+        "attachments.json",
+        lambda f: _edit(f, "attachments.json", lambda d: {"mandible": [[0, 0, 900]]}),
+        "'mandible', entry 0, lies … mm from",
+    ),
+    ("attachments.json", lambda f: _edit(f, "attachments.json", lambda d: {"a/b": d["mandible"]}), "'a/b' is not accepted as a name"),
+    ("attachments.json", lambda f: _edit(f, "attachments.json", lambda d: {"mandible": [1, 2, 3]}), "there is no tongue_hex.vtu"),
+    ("no.obj", lambda f: _edit(f, "attachments.json", lambda d: {"mandible": "no.obj"}), "no.obj: the file does not exist"),
+    ("fibres.json", _fibres([]), "'GGP_L': fibres: they have no length"),
+    ("fibres.json", _fibres([[[0, 0, 0], [0, 0, 0]]]), "'GGP_L': fibres: they have no length"),
+    ("fibres.json", _fibres([[[0, 0, 0], [float("nan"), 0, 0]]]), "a point is not three finite numbers"),
+    ("fibres.json", _fibres([[[0, 0, 0], [0.05, 0, 0.05]]]), "% of the fibre length of 'GGP_L' lies inside"),
+    ("fibres.json", _fibres([[[900, 0, 0], [950, 0, 50]]]), "only 0 % of the fibre length of 'GGP_L' lies inside the tongue surface"),
+    ("fibres.json", _fibres("x"), "'GGP_L' as a list of polylines"),
+    ("fibres.json", lambda f: (f / "fibres.json").write_text("[]"), 'an object {"GGP_L"'),
+]
+
+
+@pytest.mark.parametrize(("name", "spoil", "message"), SUBJECTS, ids=[message[:40] for _, _, message in SUBJECTS])
+def test_subjects(tmp_path: Path, name: str, spoil: Callable[[Path], object], message: str) -> None:
+    """A folder with another unit, a surface that is open or crosses itself, bones of no size, patches that overlap, fibres elsewhere."""
+    folder = tmp_path / "someone"
+    shutil.copytree(EXAMPLE, folder)
+    spoil(folder)
+    with pytest.raises(tf.InputError) as refusal:
+        tf.read_subject(folder)
+    said = str(refusal.value)
+    assert name in said
+    assert all(part in said for part in message.split(" … "))
+
+
+@few
+@given(
+    st.lists(st.tuples(st.integers(0, 11), st.floats(-0.03, 0.03), st.floats(-0.03, 0.03)), max_size=3),
+    st.sets(st.integers(0, 19), max_size=2),
+)
+@example([], set())
+@example([(0, 0.03, 0.03)], set())
+def test_surfaces(moves: list[tuple[int, float, float]], missing: set[int]) -> None:
+    """An icosahedron with vertices moved and triangles missing is refused, or closed, nowhere crossed, with normals outward."""
+    solid = Surface.from_pyvista(pv.Icosahedron(radius=0.02))
+    points = solid.points.copy()
+    for vertex, x, z in moves:
+        points[vertex] += (x, 0.0, z)
+    triangles = np.delete(solid.triangles, sorted(missing), axis=0)
+    closed = attempt(lambda: close_surface(Surface(points, triangles), Path("solid.stl"))[0])
+    if isinstance(closed, tf.InputError):
+        assert moves or missing
+        assert str(closed).startswith("solid.stl: ")
+    else:
+        assert not missing
+        assert (closed.edge_sharing() == 2).all()
+        assert len(closed.crossing()) == 0
+        assert closed.volume > 0
+
+
+def test_crossing_triangles_are_repaired_if_asked(tmp_path: Path) -> None:
+    """A dent that goes through the other side by a little is mended within a distance that was stated, and it is said; no farther."""
+    solid = pv.Icosphere(radius=0.02, nsub=2)
+    surface = Surface.from_pyvista(solid)
+    points = surface.points.copy()
+    top = np.argmax(points[:, 2])
+    near = np.argsort(np.linalg.norm(points - points[top], axis=1))[:2]
+    points[near[0]], points[near[1]] = surface.points[near[1]], surface.points[near[0]]  # two neighbours in each other's place
+    crossed = Surface(points, surface.triangles)
+    assert len(crossed.crossing()) > 0
+    mended, note = close_surface(crossed, tmp_path / "a.stl", within=5e-3)
+    assert len(mended.crossing()) == 0
+    assert "were repaired with pymeshfix" in str(note)
+    assert "It moved by at most" in str(note)
+    with pytest.raises(tf.InputError, match=r"the repair moves the surface by .* mm; repair allows 0\.001 mm"):
+        close_surface(crossed, tmp_path / "a.stl", within=1e-6)
+
+
+OBSTACLES: list[tuple[Callable[[], pv.PolyData], str]] = [
+    (lambda: pv.Sphere(radius=0.45, center=(0, 0, -0.6)), "contact.o: obstacle: the surface is 0.899 × 0.894 × 0.9 m large, too much"),
+    (lambda: pv.Plane(center=(0, 0, -0.1), i_size=0.9, j_size=0.9), "contact.o: obstacle: the surface is 0.9 × 0.9 × 0 m large, too much"),
+    (lambda: pv.Sphere(radius=1.0, center=(0, 0, -1.2)), "o.stl is 2 m long; 0.001 to 1 m is accepted"),
+    (lambda: pv.Sphere(radius=1e-5), "o.stl is 2e-05 m long"),
+    (lambda: pv.Sphere(radius=0.01, center=(0, 0, -0.05)).flip_faces(), "free points within 48 mm are behind the surface; its normals"),
+    (lambda: pv.PolyData(np.eye(4, 3) * 0, [3, 0, 1, 2]), "o.stl: holds no triangles that have an area"),
+    (lambda: pv.PolyData(np.outer(range(3), (0.01, 0, 0)), [3, 0, 1, 2]), "o.stl: holds no triangles that have an area"),
+]
+
+
+@pytest.mark.parametrize(("surface", "message"), OBSTACLES, ids=[message[:40] for _, message in OBSTACLES])
+def test_obstacles(place: Path, capsys: pytest.CaptureFixture[str], surface: Callable[[], pv.PolyData], message: str) -> None:
+    """Obstacles that are too large or small, degenerate, or turned inside out though far away; at once."""
+    surface().triangulate().save(place / "o.stl")
+    path = place / "good.toml"
+    path.write_text(SCENARIO)
+    assert message in refused(capsys, place, "check", path, "--set", "contact.o.surface=o.stl")
+
+
+@pytest.mark.parametrize("name", ["mesh", "mesh.stl", "mesh.MSH.gz"])
+def test_build_names_are_checked_first(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    """What is no name of a mesh is refused before the tongue is drawn."""
+    assert "the mesh file must end in .msh" in refused(capsys, tmp_path, "build", "-o", tmp_path / name)

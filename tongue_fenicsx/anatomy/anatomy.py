@@ -21,6 +21,9 @@ from ..geometry.surface import Surface
 if TYPE_CHECKING:
     import pyvista as pv
 
+ADULT = 32e-3
+"""Height in m of the dorsum over the genial spine from which a tongue is measured as an adult's."""
+
 TIP_DIRECTION = np.array([-np.cos(np.radians(20)), 0.0, np.sin(np.radians(20))])
 
 
@@ -115,11 +118,13 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     The landmarks are ``tip`` (foremost mid-sagittal point along a line 20° above horizontal), ``dorsum`` (highest),
     ``root`` (the rear at mid-height between the dorsum and the upper end of the hyoid attachment), ``edge_left`` and
     ``edge_right`` (widest points of the coronal section halfway from tip to dorsum). The arc runs from the tip over the
-    dorsum to the vallecula, 3 mm below the genial spine; the width is the largest above 17 mm over the spine, the oral part.
+    dorsum to the vallecula, 3 mm below the genial spine; the width is the largest above 17 mm over the spine, the oral part. In a tongue
+    whose dorsum is less than 32 mm over the spine, a child's, these distances and that of the tongue proper shrink with it.
     """
     contour = _midsagittal(surface)
     start, top = int(np.argmax(contour @ TIP_DIRECTION)), int(np.argmax(contour[:, 2]))
     tip, dorsum = contour[start], contour[top]
+    small = float(np.clip((dorsum[2] - genial_spine[2]) / ADULT, 0, 1))
     bonded = surface.points[surface.triangles[surface.labels == "hyoid"]].reshape(-1, 3)
     low = bonded[:, 2].max() if len(bonded) else contour[:, 2].min()
     rear = contour[contour[:, 0] > dorsum[0]]
@@ -129,11 +134,11 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     over = (top - start) % len(ring)
     if along[over] > along[-1] / 2:  # walk over the dorsum, not along the underside
         ring = np.roll(ring[::-1], 1, axis=0)
-    stop = int(np.argmax((ring[:, 0] > dorsum[0]) & (ring[:, 2] < genial_spine[2] - 3e-3)))
+    stop = int(np.argmax((ring[:, 0] > dorsum[0]) & (ring[:, 2] < genial_spine[2] - small * 3e-3)))
     arc = float(arc_length(ring[: stop + 1])[-1])
     x, z = contour[:, 0], contour[:, 2]
     area = float(abs(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1))) / 2)
-    oral = surface.points[surface.points[:, 2] > genial_spine[2] + 17e-3]
+    oral = surface.points[surface.points[:, 2] > genial_spine[2] + small * 17e-3]
     section = surface.points[abs(surface.points[:, 0] - (tip[0] + dorsum[0]) / 2) < 2e-3]
     landmarks = {
         "tip": tip,
@@ -144,7 +149,7 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     }
     return Shape(
         volume=surface.volume,
-        proper_volume=abs(float(_above(surface, genial_spine[2] + 2e-3).volume)),
+        proper_volume=abs(float(_above(surface, genial_spine[2] + small * 2e-3).volume)),
         arc_length=arc,
         chord=float(np.linalg.norm(tip - root)),
         width=float(np.ptp(oral[:, 1])),

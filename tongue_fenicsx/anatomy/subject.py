@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 
 from ..core.errors import InputError, quiet, reading, within
 from ..core.types import Bools, Floats
-from ..core.values import UNITS
+from ..core.values import UNITS, Real
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.surface import SUFFIXES, Surface, close_surface, read_surface
 from . import catalogue as muscle_facts
@@ -39,6 +39,9 @@ from .anatomy import Anatomy, Muscle
 SYNONYMS = {"STY": "SG"}
 AXES = {"P": (0, 1), "A": (0, -1), "R": (1, 1), "L": (1, -1), "S": (2, 1), "I": (2, -1)}
 """Directions by their letters (posterior, anterior, right, left, superior, inferior): axis of ours and sign."""
+
+BONE = (3e-3, 0.6)
+"""How long a bone or wall may be, in m."""
 
 OUTSIDE = 10e-3
 """Fibres that end farther than this from the tongue, in m, belong to a muscle that comes from a bone out there."""
@@ -58,12 +61,15 @@ class Frame:
         Lateral coordinate of the mid-sagittal plane.
     genial_spine : sequence of float, optional
         The superior genial spine; without it the mean start of the genioglossus fibres.
+    repair : float
+        How far a repair of crossing triangles may move the tongue's surface; 0 for none.
     """
 
     unit: str = "m"
     axes: str = "PRS"
     mid_plane: float = 0.0
     genial_spine: tuple[float, float, float] | None = None
+    repair: float = 0.0
 
     @classmethod
     def read(cls, path: Path) -> Frame:
@@ -82,8 +88,11 @@ class Frame:
         letters = list(frame.axes) if isinstance(frame.axes, str) else []
         if sorted(AXES[letter][0] for letter in letters if letter in AXES) != [0, 1, 2]:
             raise InputError(f"{path}: axes: {frame.axes!r}; three letters are expected, one each of P or A, R or L, S or I.")
-        if not (isinstance(frame.mid_plane, int | float) and np.isfinite(frame.mid_plane)):
-            raise InputError(f"{path}: mid_plane: {frame.mid_plane!r}; a number is expected.")
+        for key, expected in (("mid_plane", Real()), ("repair", Real(low=0))):
+            try:
+                expected.check(getattr(frame, key))
+            except ValueError as error:
+                raise InputError(f"{path}: {key}: {error}.") from error
         if frame.genial_spine is not None and (
             np.shape(frame.genial_spine) != (3,) or not all(isinstance(c, int | float) and np.isfinite(c) for c in frame.genial_spine)
         ):
@@ -181,7 +190,7 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
     tongue = [p for p in surfaces if p.stem == "tongue_surface"]
     if not tongue:
         raise InputError(f"{folder}: no tongue_surface.stl (or {', '.join(SUFFIXES[1:])}) in this folder.")
-    surface, repair = close_surface(frame.surface(tongue[0]), tongue[0])
+    surface, repair = close_surface(frame.surface(tongue[0]), tongue[0], UNITS[frame.unit] * frame.repair)
     size = float(np.ptp(surface.points, axis=0).max())
     if not 0.03 < size < 0.3:
         raise InputError(
@@ -197,8 +206,15 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
     else:
         starts = [np.mean([line[0] for line in m.fibres.lines], axis=0) for m in muscles.values() if m.name.startswith("GG")]
         spine = np.mean(starts, axis=0) * (1, 0, 1) if starts else np.zeros(3)
-    bones = {p.stem: frame.surface(p) for p in surfaces if p not in tongue and p.name not in patches}
+    bones = {p.stem: _bone(frame.surface(p), p) for p in surfaces if p not in tongue and p.name not in patches}
     return Anatomy(folder.name, surface, muscles, spine, bones, notes=[note for note in (repair, *notes) if note])
+
+
+def _bone(surface: Surface, path: Path) -> Surface:
+    size = float(np.ptp(surface.points, axis=0).max())
+    if not BONE[0] <= size <= BONE[1]:
+        raise InputError(f"{path}: the bone is {size:g} m long; {BONE[0]:g} to {BONE[1]:g} m is expected, in the unit of the folder.")
+    return surface
 
 
 def _read_json(path: Path, expected: str) -> dict[str, Any]:
@@ -231,6 +247,12 @@ def _bond(surface: Surface, path: Path, cell_sets: CellSets | None, frame: Frame
             bonded = _find_spanned(surface, path, bone, given, cell_sets, frame)
         if not bonded.any():
             raise InputError(f"{path}: {bone!r} spans no triangle of the surface; list all the nodes of the bonded patch.")
+        for other in {*labels[bonded]} - {"free"}:
+            shared = surface.centroids[bonded & (labels == other)]
+            place = ", ".join(f"{1e3 * c:.1f}" for c in shared[0])
+            raise InputError(
+                f"{path}: {bone!r} and {str(other)!r} share {len(shared)} triangles, the first at ({place}) mm; each belongs to one bone."
+            )
         labels[bonded] = bone
     if (labels == "free").all():
         raise InputError(f"{path}: nothing is bonded; list the nodes bonded to the mandible and to the hyoid.")

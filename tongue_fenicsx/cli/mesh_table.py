@@ -51,6 +51,9 @@ def print_mesh(console: Console, figures: Mapping[str, Any], path: Path) -> None
     if figures["gaps_m"]:
         gaps = ", ".join(f"{name.replace('_', ' to ')} {1e3 * gap:.1f} mm" for name, gap in figures["gaps_m"].items())
         console.print(f"gaps at rest: {gaps}")
+    if figures["bones_m"]:
+        sizes = (f"{name} {' × '.join(f'{1e3 * side:.0f}' for side in sides)} mm" for name, sides in figures["bones_m"].items())
+        console.print(f"bones: {', '.join(sizes)}")
     landmarks = (f"{name} ({', '.join(f'{1e3 * c:.1f}' for c in point)})" for name, point in figures["landmarks"].items())
     console.print(f"landmarks in mm: {', '.join(landmarks)}")
     console.print(f"{figures['n_nodes']} nodes (quadratic), {figures['n_cells']} tetrahedra, smallest SICN {figures['min_sicn']:.2f}")

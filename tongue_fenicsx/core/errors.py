@@ -6,6 +6,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -92,14 +93,15 @@ def check_outputs(folder: Path, names: Iterable[str] = ()) -> None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep C libraries and their logging off the terminal; what matters is checked and said afterwards."""
+    """Keep C libraries, their logging and warnings off the terminal; what matters is checked and said afterwards."""
     kept = os.dup(2)
     sink = os.open(os.devnull, os.O_WRONLY)
     level = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     os.dup2(sink, 2)
     try:
-        yield
+        with warnings.catch_warnings(action="ignore"):
+            yield
     finally:
         os.dup2(kept, 2)
         os.close(kept)

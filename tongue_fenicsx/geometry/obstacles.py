@@ -15,6 +15,9 @@ from ..core.values import Direction, Flag, Length, Point, checked
 from .surface import Surface
 
 SPACING = 0.75e-3
+LARGEST, NEAREST = 30_000_000, 2_000_000
+"""Nodes of a grid of distances at most, a cube of 0.23 m, and nodes within the band of a face at most, 0.05 m². More take minutes, and a
+tongue reaches no farther."""
 BAND = 5e-3
 EDGE = 4.0
 """Radius in grid spacings below which a convex edge is the grid's, not the surface's: the Hessian takes it for an edge of this radius,
@@ -171,7 +174,7 @@ class Triangulated:
     Raises
     ------
     InputError
-        If there are no triangles, a length is not positive or the band is thinner than four spacings.
+        If there are no triangles, a length is not positive, the band is thinner than four spacings or the surface is too large.
     """
 
     def __init__(self, surface: Surface, spacing: float = SPACING, band: float = BAND) -> None:
@@ -180,6 +183,12 @@ class Triangulated:
         if not (0 < 4 * spacing <= band < np.inf):
             raise InputError(f"obstacle: spacing {spacing} m and band {band} m; a positive spacing and at least 4 of it are expected.")
         self.surface, self.spacing, self.band = surface, spacing, band
+        sides, thickness = np.ptp(surface.points, axis=0), 2 * (band + 2 * spacing)
+        if np.prod((sides + thickness) / spacing) > LARGEST or surface.area * thickness / spacing**3 > NEAREST:
+            raise InputError(
+                f"obstacle: the surface is {' × '.join(f'{side:.3g}' for side in sides)} m large, too much for distances on a grid of "
+                f"{1e3 * spacing:g} mm; the part that the tongue can reach is expected, in m."
+            )
         points, triangles = surface.points.astype(float), surface.triangles.astype(np.int64)
         self._origin, self._values, self._coefficients = _sample(points.tobytes(), triangles.tobytes(), spacing, band)
 
@@ -281,7 +290,7 @@ def _beside_rim(surface: Surface, points: Floats) -> Floats:
 
 
 def check_orientation(surface: Surface, name: str, free_points: Floats, band: float = BAND) -> None:
-    """Make sure that the normals of an obstacle point to the free side.
+    """Make sure that the normals of an obstacle point to the free side; of one that is far away, by the free points nearest to it.
 
     Parameters
     ----------
@@ -292,7 +301,7 @@ def check_orientation(surface: Surface, name: str, free_points: Floats, band: fl
     free_points : (n, 3) or (3,) float array
         Points in m on the free side, such as those of the tongue at rest.
     band : float
-        Distance in m within which they count.
+        Distance in m within which they count, if there are any so near.
 
     Raises
     ------
@@ -300,12 +309,16 @@ def check_orientation(surface: Surface, name: str, free_points: Floats, band: fl
         If more than half of the points that count are behind the surface.
     """
     points = np.atleast_2d(free_points)
-    points = points[np.all((points >= surface.points.min(axis=0) - band) & (points <= surface.points.max(axis=0) + band), axis=1)]
-    gap = surface.signed_distance(points) if len(points) else np.zeros(0)
+    near = np.all((points >= surface.points.min(axis=0) - band) & (points <= surface.points.max(axis=0) + band), axis=1)
+    gap = surface.signed_distance(points[near]) if near.any() else np.zeros(0)
     gap = gap[abs(gap) < band]
+    if len(gap) == 0 and len(points):
+        gap = _beside_rim(surface, points)
+        band = 1.2 * float(abs(gap).min())
+        gap = gap[abs(gap) < band]
     behind = int(np.sum(gap < 0))
     if 2 * behind > len(gap):
         raise InputError(
-            f"{name}: {behind} of the {len(gap)} free points within {1e3 * band:g} mm are behind the surface; "
+            f"{name}: {behind} of the {len(gap)} free points within {1e3 * band:.3g} mm are behind the surface; "
             "its normals must point to the free side, so turn its triangles."
         )

@@ -71,6 +71,12 @@ class Surface:
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
     @property
+    def area(self) -> float:
+        """In m²."""
+        a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    @property
     def centroids(self) -> Floats:
         """Triangle centroids, (m, 3), in m."""
         return self.points[self.triangles].mean(axis=1)
@@ -96,6 +102,18 @@ class Surface:
         """How many triangles share each edge, (n_edges,); a closed manifold has 2 everywhere."""
         edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         return np.unique(edges, axis=0, return_counts=True)[1].astype(np.int64)
+
+    def crossing(self) -> Floats:
+        """Corners, (k, 3, 3), in m, of the triangles of which an edge goes through another triangle, or that an edge goes through."""
+        from scipy.spatial import cKDTree
+
+        corners = self.points[self.triangles]
+        reach = 2 * np.linalg.norm(corners - self.centroids[:, None], axis=2).max()
+        pairs = cKDTree(self.centroids).query_pairs(reach, output_type="ndarray")
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        pairs = pairs[np.all((low[pairs[:, 0]] <= high[pairs[:, 1]]) & (low[pairs[:, 1]] <= high[pairs[:, 0]]), axis=1)]
+        crossed = [pair[_pierces(corners, self.triangles, pair, edge)] for pair in (pairs, pairs[:, ::-1]) for edge in range(3)]
+        return np.asarray(corners[np.unique(np.concatenate(crossed))])
 
     def transform(self, mapping: Callable[[Floats], Floats]) -> Surface:
         """The surface with every vertex mapped."""
@@ -134,6 +152,21 @@ class Surface:
         return np.atleast_1d(cells).astype(np.int64), np.atleast_2d(nearest)
 
 
+def _pierces(corners: Floats, triangles: Ints, pairs: Ints, edge: int) -> NDArray[np.bool_]:
+    """Whether, of each pair of triangles, (n, 2), an edge of the first goes through the inside of the second, of which it has no corner."""
+    first, second = pairs.T
+    ends = triangles[first][:, [edge, (edge + 1) % 3]]
+    p, q = corners[first, edge], corners[first, (edge + 1) % 3]
+    a, b, c = corners[second].swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    before, after = ((end - a) * normal for end in (p, q))
+    before, after = before.sum(axis=1), after.sum(axis=1)
+    apart = ~(ends[:, :, None] == triangles[second][:, None]).any(axis=(1, 2)) & (before * after < 0)
+    x = p + (before / np.where(apart, before - after, 1.0))[:, None] * (q - p)
+    sides = [(np.cross(end - start, x - start) * normal).sum(axis=1) for start, end in ((a, b), (b, c), (c, a))]
+    return np.asarray(apart & (np.min(sides, axis=0) > 0))
+
+
 def read_surface(path: Path) -> Surface:
     """Read a triangulated surface (STL, OBJ, PLY, VTP, VTU) and merge its duplicate points.
 
@@ -145,19 +178,29 @@ def read_surface(path: Path) -> Surface:
     import pyvista as pv
 
     with reading(path, "a surface in STL, OBJ, PLY, VTP or VTU"), quiet():
-        mesh = pv.read(path).extract_surface(algorithm=None).triangulate().clean()
-    if not np.isfinite(mesh.points).all():
-        raise InputError(f"{path}: a coordinate is not a finite number.")
-    if mesh.n_cells == 0:
-        raise InputError(f"{path}: holds no triangles; a surface in STL, OBJ, PLY, VTP or VTU is expected.")
+        mesh = pv.read(path).extract_surface(algorithm=None).triangulate()
+        if not np.isfinite(mesh.points).all():
+            raise InputError(f"{path}: a coordinate is not a finite number.")
+        mesh = mesh.clean()
+    if mesh.n_faces == 0 or mesh.area <= 1e-9 * mesh.length**2:
+        raise InputError(f"{path}: holds no triangles that have an area; a surface in STL, OBJ, PLY, VTP or VTU is expected.")
     return Surface.from_pyvista(mesh)
 
 
-def close_surface(surface: Surface, source: Path) -> tuple[Surface, str | None]:
-    """Make a surface a closed, outward-oriented manifold, or say why it is not one.
+def close_surface(surface: Surface, source: Path, within: float = 0.0) -> tuple[Surface, str | None]:
+    """Make a surface a closed, outward-oriented manifold that does not cross itself, or say why it is not one.
 
-    Edges shared by more than two triangles are repaired with pymeshfix; holes are not filled, because
-    a guessed patch would be anatomy that nobody measured.
+    Edges shared by more than two triangles are repaired with pymeshfix, and triangles that cross each other if that is asked for; holes are
+    not filled, because a guessed patch would be anatomy that nobody measured.
+
+    Parameters
+    ----------
+    surface : Surface
+        As it was read.
+    source : Path
+        Where from.
+    within : float
+        How far, in m, a repair of crossing triangles may move the surface; 0 for no such repair.
 
     Returns
     -------
@@ -167,35 +210,58 @@ def close_surface(surface: Surface, source: Path) -> tuple[Surface, str | None]:
     Raises
     ------
     InputError
-        If the surface is open or the repair changes the volume by more than 1 %.
+        If the surface is open, it crosses itself farther than may be repaired, or the repair changes the volume by more than 1 %.
     """
-    import pymeshfix
-
     sharing = surface.edge_sharing()
     if np.any(sharing == 1):
         raise InputError(
             f"{source}: the surface is open ({int(np.sum(sharing == 1))} edges belong to one triangle only); "
             "a closed surface is needed, so close its holes in the tool that made it."
         )
-    note = None
+    notes = []
     if np.any(sharing > 2):
-        import pymeshfix
-
-        before, n_before = abs(surface.volume), len(surface.points)
-        with quiet():
-            vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))
-        surface = Surface(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64))
-        change = abs(abs(surface.volume) / before - 1)
-        if np.any(surface.edge_sharing() != 2) or change > 0.01:
+        fault = f"{int(np.sum(sharing > 2))} edges are shared by more than two triangles"
+        surface, note = _mend(surface, source, fault)
+        notes.append(note)
+    crossing = surface.crossing()
+    if len(crossing):
+        size = 1e3 * np.ptp(crossing.reshape(-1, 3), axis=0).max()
+        place = ", ".join(f"{1e3 * c:.1f}" for c in crossing.mean(axis=(0, 1)))
+        fault = f"{len(crossing)} triangles cross each other around ({place}) mm, over {size:.1f} mm"
+        if within <= 0:
             raise InputError(
-                f"{source}: {int(np.sum(sharing > 2))} edges are shared by more than two triangles and pymeshfix could not "
-                f"repair them (volume change {100 * change:.1f} %); mend the surface in the tool that made it."
+                f"{source}: {fault}; a surface that does not cross itself is expected, so mend it in the tool that made it, or state in "
+                "frame.toml how far a repair may move it (repair)."
             )
-        note = (
-            f"{source.name}: {int(np.sum(sharing > 2))} edges shared by more than two triangles were repaired with "
-            f"pymeshfix ({n_before} to {len(surface.points)} vertices, volume change {100 * change:.3f} %)."
-        )
+        before = surface
+        surface, note = _mend(surface, source, fault)
+        moved = max(abs(surface.signed_distance(before.points)).max(), abs(before.signed_distance(surface.points)).max())
+        if moved > within:
+            raise InputError(
+                f"{source}: {fault}, and the repair moves the surface by {1e3 * moved:.2f} mm; repair allows {1e3 * within:g} mm."
+            )
+        notes.append(f"{note} It moved by at most {1e3 * moved:.2f} mm.")
     if surface.volume < 0:
         surface = Surface(surface.points, surface.triangles[:, ::-1].copy(), surface.labels)
-        note = f"{note or ''} {source.name}: the normals pointed inward and were turned.".strip()
-    return surface, note
+        notes.append(f"{source.name}: the normals pointed inward and were turned.")
+    return surface, " ".join(notes) or None
+
+
+def _mend(surface: Surface, source: Path, fault: str) -> tuple[Surface, str]:
+    """The surface repaired by pymeshfix, and a sentence that says so."""
+    import pymeshfix
+
+    with quiet():
+        vertices, faces = pymeshfix.clean_from_arrays(surface.points, surface.triangles.astype(np.int32))
+    mended = Surface(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64))
+    change = abs(abs(mended.volume) / abs(surface.volume) - 1) if len(mended.triangles) else 1.0
+    if np.any(mended.edge_sharing() != 2) or len(mended.crossing()) or change > 0.01:
+        raise InputError(
+            f"{source}: {fault} and pymeshfix could not repair them (volume change {100 * change:.1f} %); "
+            "mend the surface in the tool that made it."
+        )
+    vertices = f"{len(surface.points)} to {len(mended.points)} vertices"
+    return (
+        mended,
+        f"{source.name}: {fault.replace(' are ', ' ')} were repaired with pymeshfix ({vertices}, volume change {100 * change:.3f} %).",
+    )

@@ -50,12 +50,7 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
     InputError
         If the size is out of range, the surface cannot be meshed, a muscle's region is empty or the folder is unwritable.
     """
-    if not 1e-3 <= size <= 20e-3:
-        raise InputError(f"size: {1e3 * size:g} mm is out of range; 1 to 20 mm is accepted.")
-    if path.suffix != ".msh":
-        raise InputError(f"{path}: the mesh file must end in .msh.")
-    files = [path, path.with_suffix(".h5"), path.with_suffix(".json")]
-    check_outputs(path.parent, [file.name for file in files])
+    files = check_request(path, size)
     mesh = tetrahedralise(anatomy, size)
     fields = project_muscles(anatomy, mesh)
     shape = measure(anatomy.surface, anatomy.genial_spine)
@@ -75,6 +70,7 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
         "width_m": shape.width,
         "midsagittal_area_m2": shape.midsagittal_area,
         "gaps_m": gaps(anatomy, shape),
+        "bones_m": {name: np.ptp(bone.points, axis=0).tolist() for name, bone in anatomy.bones.items()},
         "n_nodes": mesh.n_quadratic_nodes,
         "n_cells": len(mesh.cells),
         "min_sicn": quality,
@@ -97,6 +93,23 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
     for written, file in reversed(list(zip(partial, files, strict=True))):  # what lies beside the mesh first: it is there when all is
         os.replace(written, file)
     return figures
+
+
+def check_request(path: Path, size: float) -> list[Path]:
+    """The files that `build` writes, if it may.
+
+    Raises
+    ------
+    InputError
+        If the size is out of range, the name is not of a mesh, or the folder is unwritable.
+    """
+    if not 1e-3 <= size <= 20e-3:
+        raise InputError(f"size: {1e3 * size:g} mm is out of range; 1 to 20 mm is accepted.")
+    if path.suffix != ".msh":
+        raise InputError(f"{path}: the mesh file must end in .msh.")
+    files = [path, path.with_suffix(".h5"), path.with_suffix(".json")]
+    check_outputs(path.parent, [file.name for file in files])
+    return files
 
 
 def _facts(name: str) -> dict[str, Any]:

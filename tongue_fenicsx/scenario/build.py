@@ -17,7 +17,7 @@ from ..anatomy.catalogue import resolve
 from ..anatomy.parametric.size import PRESETS
 from ..anatomy.parametric.tongue import parametric_tongue
 from ..anatomy.subject import read_subject
-from ..core.errors import InputError
+from ..core.errors import InputError, within
 from ..core.parallel import on_rank_zero
 from ..geometry.obstacles import OBSTACLES, Obstacle, Triangulated, check_orientation
 from ..geometry.surface import SUFFIXES, read_surface
@@ -105,10 +105,8 @@ def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacl
         if (obstacle := getattr(section, kind)) is not None:
             return cast(Obstacle, obstacle)
     source = section.surface or name
-    if Path(source).suffix in SUFFIXES:
+    if Path(source).suffix.lower() in SUFFIXES:
         surface = read_surface(Path(source))
-        if (size := np.ptp(surface.points, axis=0).max()) > 1.0:
-            raise InputError(f"{source}: the surface is {size:g} m long; metres are expected, as in the mesh.")
     elif source in tongue.bones:
         surface = tongue.bones[source]
     else:
@@ -117,8 +115,14 @@ def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacl
             f"contact.{name}.surface: the mesh has no bone {source!r} (it has {known}); one of them or a file in "
             f"{', '.join(SUFFIXES)} is expected."
         )
+    size = float(np.ptp(surface.points, axis=0).max())
+    if not 1e-3 <= size <= 1.0:
+        raise InputError(
+            f"contact.{name}: the surface {source} is {size:g} m long; 0.001 to 1 m is accepted, so convert its unit to metres."
+        )
     check_orientation(surface, f"contact.{name}", tongue.mesh.geometry.x)
-    return Triangulated(surface)
+    with within(f"contact.{name}"):
+        return Triangulated(surface)
 
 
 class Workbench:

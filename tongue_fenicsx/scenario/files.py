@@ -72,7 +72,7 @@ def scenario_of(data: dict[str, Any], folder: Path, where: str) -> Scenario:
             if isinstance(source.get(key), str):
                 source[key] = str(folder / source[key])
     for section in data["contact"].values() if isinstance(data.get("contact"), dict) else ():
-        if isinstance(section, dict) and isinstance(section.get("surface"), str) and Path(section["surface"]).suffix in SUFFIXES:
+        if isinstance(section, dict) and isinstance(section.get("surface"), str) and Path(section["surface"]).suffix.lower() in SUFFIXES:
             section["surface"] = str(folder / section["surface"])
     for section in data["activation"].values() if isinstance(data.get("activation"), dict) else ():
         if isinstance(section, dict) and isinstance(section.get("table"), str):

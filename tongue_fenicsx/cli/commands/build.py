@@ -59,6 +59,7 @@ def build(
     pictures = [output.with_name(f"{output.stem}-{name}.png") for name in ("muscles", "bones")]
 
     def work() -> dict[str, Any]:
+        meshing.check_request(output, element)
         from ...anatomy.comparison import compare
         from ...anatomy.parametric.tongue import parametric_tongue
 
