@@ -145,8 +145,8 @@ def test_the_motion_in_the_page_is_that_of_the_run(done: Path, tmp_path: Path, m
         monkeypatch.setattr(packing, "FINE", fine)
         page = Page(write_report([done], tmp_path / "page.html"))
         shown = page.data["runs"][0]
-        rest = np.frombuffer(base64.b64decode(shown["rest"]), "<f4").reshape(-1, 3) / 1e3
-        triangles = np.frombuffer(base64.b64decode(shown["triangles"]), "<u4").reshape(-1, 3).astype(int)
+        rest = np.frombuffer(base64.b64decode(page.data["shared"][shown["rest"]]), "<f4").reshape(-1, 3) / 1e3
+        triangles = np.frombuffer(base64.b64decode(page.data["shared"][shown["triangles"]]), "<u4").reshape(-1, 3).astype(int)
         moved = np.frombuffer(base64.b64decode(shown["displacement"]), "<i2").reshape(5, -1, 3) * shown["unit"] / 1e3
         surface = Surface(rest.astype(float), triangles)
         assert (surface.edge_sharing() == 2).all()
@@ -174,9 +174,10 @@ def test_obstacles_stand_where_they_are_in_the_run(done: Path, tmp_path: Path) -
         file["contact/palate/rotation"][:] = np.column_stack(rows)
         file["contact/palate/offset"][:] = np.column_stack([zero, zero, 0.01 * angle])
     run = tf.Run(folder)
-    (shown,) = Page(write_report([folder], tmp_path / "page.html")).data["runs"][0]["obstacles"]
+    data = Page(write_report([folder], tmp_path / "page.html")).data
+    (shown,) = data["runs"][0]["obstacles"]
     assert shown["name"] == "palate"
-    points = np.frombuffer(base64.b64decode(shown["points"]), "<f4").reshape(-1, 3)
+    points = np.frombuffer(base64.b64decode(data["shared"][shown["points"]]), "<f4").reshape(-1, 3)
     assert len(shown["poses"]) == 5
     for index, pose in enumerate(shown["poses"]):
         placed = points @ np.reshape(pose[:9], (3, 3)).T + pose[9:]
@@ -198,6 +199,23 @@ def test_several_runs(done: Path, tmp_path: Path) -> None:
     names = re.findall(r"<option[^>]*>(.*?)</option>", page.text)
     assert [name.split(": ")[1] for name in names] == [str(done), str(same), str(same)]
     assert len(set(names)) == 3
+
+
+def test_many_runs(done: Path, tmp_path: Path) -> None:
+    """In natural order, with what differs between their scenarios; mesh and bones of all stand once in the page."""
+    folders = [copied(done, tmp_path / f"run{number}") for number in (10, 2, 1)]
+    for folder, c10 in zip(folders, (300.0, 200.0, 100.0), strict=True):
+        scenario = (folder / "scenario.toml").read_text()
+        (folder / "scenario.toml").write_text(scenario.replace("[tissue]\n", f"[tissue]\nc10 = {c10}\n"))
+    page = Page(write_report(folders, tmp_path / "page.html"))
+    assert re.findall(r"<option[^>]*>(.*?)</option>", page.text) == ["run1", "run2", "run10"]
+    assert re.findall(r"<code>(.*?)</code>", page.text) == ["tissue.c10"]
+    assert re.findall(r'<td class="setting">(.*?)</td>', page.text) == ["100.0", "200.0", "300.0"]
+    one = Page(write_report(folders[:1], tmp_path / "one.html"))
+    assert "what differs" not in one.words
+    assert page.data["shared"] == one.data["shared"]
+    for run in page.data["runs"]:
+        assert (run["rest"], run["triangles"]) == (one.data["runs"][0]["rest"], one.data["runs"][0]["triangles"])
 
 
 def test_a_large_page_shrinks_and_says_so(done: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from ..analysis.comparison import naturally, open_runs
 from ..core.errors import InputError
+from .motion import Shared
 from .page import Detail, page
 
 LIMIT = 15_000_000
 """Largest size of a page in bytes."""
 
-LEVELS = (Detail(60), Detail(60, 1000), Detail(30, 800), Detail(15, 640), Detail(8, 480), Detail(4, 320))
+LEVELS = (Detail(60), Detail(60, 1000), Detail(30, 1000), Detail(15, 800), Detail(8, 640), Detail(4, 480), Detail(2, 320))
 """How much of each run is shown, from the finest on."""
 
 
@@ -35,9 +36,10 @@ def write_report(folders: Sequence[str | Path], path: str | Path) -> Path:
     if not folders:
         raise InputError("report: at least one run folder is expected.")
     runs = open_runs(sorted(folders, key=lambda folder: naturally(str(folder))))
+    shared = Shared()
     for detail in LEVELS:
-        text = page(runs, detail, reduced=detail != LEVELS[0]).encode()
-        if len(text) <= LIMIT:
+        text = page(runs, detail, detail != LEVELS[0], LIMIT, shared)
+        if text is not None:
             break
     else:
         raise InputError(f"report: {len(runs)} runs fill more than {LIMIT / 1e6:g} MB, the most of one page; give fewer of them.")

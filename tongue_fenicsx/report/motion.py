@@ -45,7 +45,33 @@ def boundary(cells: Ints) -> tuple[Ints, Ints]:
     return nodes, places.reshape(-1, 3)
 
 
-def motion(run: Run, frames: int) -> dict[str, Any]:
+class Shared:
+    """Arrays in base64 that several runs may have in common, such as a mesh or a bone; each stands once in the page."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+        self._surfaces: dict[bytes, dict[str, int]] = {}
+
+    @property
+    def texts(self) -> list[str]:
+        """The arrays."""
+        return list(self._numbers)
+
+    def put(self, values: NDArray[Any], kind: str) -> int:
+        """The number of an array among them."""
+        return self._numbers.setdefault(_pack(values, kind), len(self._numbers))
+
+    def put_surface(self, surface: Surface) -> dict[str, int]:
+        """The numbers of the ``points`` in mm and ``triangles`` of an obstacle, with `OBSTACLE` triangles at most."""
+        key = surface.points.tobytes() + surface.triangles.tobytes()
+        if key not in self._surfaces:
+            if len(surface.triangles) > OBSTACLE:
+                surface = Surface.from_pyvista(surface.to_pyvista().decimate(1 - OBSTACLE / len(surface.triangles)))
+            self._surfaces[key] = {"points": self.put(1e3 * surface.points, "<f4"), "triangles": self.put(surface.triangles, "<u4")}
+        return self._surfaces[key]
+
+
+def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
     """The surface at rest, its displacement at some outputs, and the obstacles, lengths in mm.
 
     Parameters
@@ -54,12 +80,14 @@ def motion(run: Run, frames: int) -> dict[str, Any]:
         The run.
     frames : int
         How many outputs are kept at most.
+    shared : Shared
+        Gets the meshes.
 
     Returns
     -------
     dict
         ``times`` in s; ``outputs``, how many there were; ``start``, the frame farthest from rest; ``largest``, the largest
-        displacement; ``rest`` (n, 3) and ``triangles`` (m, 3) in base64; ``displacement`` (n_frames, n, 3) as 16-bit integers in
+        displacement; ``rest`` (n, 3) and ``triangles`` (m, 3), numbers in `shared`; ``displacement`` (n_frames, n, 3) as 16-bit integers in
         base64, times ``unit``; ``obstacles``, each with ``name``, ``points``, ``triangles`` and one ``poses`` row per frame, a
         rotation (9) and an offset (3).
 
@@ -81,22 +109,19 @@ def motion(run: Run, frames: int) -> dict[str, Any]:
         "outputs": len(outputs),
         "start": int(np.argmax((u**2).sum(axis=(1, 2)))),
         "largest": float(np.linalg.norm(u, axis=2).max()),
-        "rest": _pack(1e3 * points[nodes], "<f4"),
-        "triangles": _pack(triangles, "<u4"),
+        "rest": shared.put(1e3 * points[nodes], "<f4"),
+        "triangles": shared.put(triangles, "<u4"),
         "unit": unit,
         "displacement": _pack((u / unit).round(), "<i2"),
-        "obstacles": [_obstacle(run, name, surface, kept) for name, surface in run.obstacles_at_rest.items()],
+        "obstacles": [_obstacle(run, name, surface, kept, shared) for name, surface in run.obstacles_at_rest.items()],
     }
 
 
-def _obstacle(run: Run, name: str, surface: Surface, outputs: Ints) -> dict[str, Any]:
-    if len(surface.triangles) > OBSTACLE:
-        surface = Surface.from_pyvista(surface.to_pyvista().decimate(1 - OBSTACLE / len(surface.triangles)))
+def _obstacle(run: Run, name: str, surface: Surface, outputs: Ints, shared: Shared) -> dict[str, Any]:
     poses = [run.pose(name, int(index)) for index in outputs]
     return {
         "name": name,
-        "points": _pack(1e3 * surface.points, "<f4"),
-        "triangles": _pack(surface.triangles, "<u4"),
+        **shared.put_surface(surface),
         "poses": [np.r_[rotation.ravel(), 1e3 * offset].round(6).tolist() for rotation, offset in poses],
     }
 

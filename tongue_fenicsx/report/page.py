@@ -14,13 +14,13 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
-from ..analysis.comparison import OUTCOME, Quantities
+from ..analysis.comparison import MISSING, OUTCOME, Quantities, differing_keys
 from ..core.errors import reading
 from ..core.types import Floats
 from ..runs.figures import FIGURES
 from ..runs.run import Run
 from .charts import Line, chart
-from .motion import motion, strain
+from .motion import Shared, motion, strain
 from .templating import include, render
 
 STATUS = {
@@ -66,8 +66,8 @@ class Detail:
     width: int | None = None
 
 
-def page(runs: Mapping[str, Run], detail: Detail, reduced: bool) -> str:
-    """The HTML text.
+def page(runs: Mapping[str, Run], detail: Detail, reduced: bool, limit: int, shared: Shared) -> bytes | None:
+    """The HTML text in UTF-8; None if it is larger than a limit, as soon as that shows.
 
     Parameters
     ----------
@@ -77,36 +77,55 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool) -> str:
         How much of each is shown.
     reduced : bool
         Whether the page says that this is less than it would like to show.
+    limit : int
+        Bytes.
+    shared : Shared
+        Gets the meshes; the same for all details.
 
     Raises
     ------
     InputError
         If the files of a run are damaged.
     """
-    motions = {}
+    motions, articles, size = [], [], 0
     for label, run in runs.items():
         with run.reading("fields.h5"):
-            motions[label] = motion(run, detail.frames)
-    data = {"largest": max(m["largest"] for m in motions.values()), "runs": list(motions.values())}
-    return render(
+            motions.append(motion(run, detail.frames, shared))
+        articles.append(_article(label, run, motions[-1], detail))
+        size += len(motions[-1]["displacement"]) + len(articles[-1])
+        if size + sum(map(len, shared.texts)) > limit:
+            return None
+    text = render(
         "page.html",
-        title=", ".join(runs),
+        title=_title(list(runs)),
         style=include("page.css"),
         script=include("viewer.js"),
-        data=data,
+        data={"largest": max(m["largest"] for m in motions), "shared": shared.texts, "runs": motions},
         labels=list(runs),
         together=_together(runs) if len(runs) > 1 else "",
         detail=detail if reduced else None,
-        runs=Markup().join(_article(label, run, motions[label], detail) for label, run in runs.items()),
-    )
+        runs=Markup().join(articles),
+    ).encode()
+    return text if len(text) <= limit else None
+
+
+def _title(labels: list[str]) -> str:
+    """Names of few runs, or of the first and last of many."""
+    return ", ".join(labels) if len(labels) <= 4 else f"{len(labels)} runs, {labels[0]} to {labels[-1]}"
 
 
 def _together(runs: Mapping[str, Run]) -> Markup:
     """All runs side by side: their numbers and the paths of their probes."""
     shown = {key: names for key, names in OUTCOME.items() if any(key in run.summary for run in runs.values())}
+    differing = differing_keys(runs)
     rows = [
-        (label, run.summary.get("status", "no summary"), [_value(run.summary.get(key, "–"), shown[key][1]) for key in shown])
-        for label, run in runs.items()
+        (
+            label,
+            run.summary.get("status", "no summary"),
+            [values[number] for values in differing.values()],
+            [_value(run.summary.get(key, MISSING), shown[key][1]) for key in shown],
+        )
+        for number, (label, run) in enumerate(runs.items())
     ]
     paths: dict[str, dict[str, Floats]] = {}
     for label, run in runs.items():
@@ -114,7 +133,7 @@ def _together(runs: Mapping[str, Run]) -> Markup:
             paths.setdefault(name, {})[label] = u
     charts = Markup().join(_paths(_words(name), of) for name, of in paths.items())
     head = [f"{label} in {unit}" if unit else label for label, _, unit in shown.values()]
-    return render("together.html", head=head, rows=rows, charts=charts)
+    return render("together.html", keys=list(differing), head=head, rows=rows, charts=charts)
 
 
 def _paths(title: str, displacements: Mapping[str, Floats]) -> Markup:
@@ -178,21 +197,23 @@ def _pictures(run: Run, width: int | None) -> list[dict[str, Any]]:
     paths = {path.stem: path for path in sorted((run.folder / "figures").glob("*.png"))}
     pictures = []
     for name in [*(name for name in FIGURES if name in paths), *(name for name in paths if name not in FIGURES)]:
-        data, (across, down) = _picture(paths[name], width)
+        data, kind, (across, down) = _picture(paths[name], width)
         caption = FIGURES[name].caption if name in FIGURES else _words(name)
-        pictures.append({"data": base64.b64encode(data).decode(), "width": across, "height": down, "caption": caption})
+        source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+        pictures.append({"source": source, "width": across, "height": down, "caption": caption})
     return pictures
 
 
-def _picture(path: Path, width: int | None) -> tuple[bytes, tuple[int, int]]:
-    """A picture, made smaller where it is wider than asked, and its size in pixels."""
+def _picture(path: Path, width: int | None) -> tuple[bytes, str, tuple[int, int]]:
+    """A picture, its format and its size in pixels; with a width it is as WebP, which takes a fifth, and no wider."""
     with reading(path, "a PNG picture"), Image.open(path) as picture:
-        if width is None or picture.width <= width:
-            return path.read_bytes(), picture.size
-        picture.thumbnail((width, 10 * width))
+        if width is None:
+            return path.read_bytes(), "png", picture.size
+        small = picture.convert("RGB")
+        small.thumbnail((width, 10 * width))
         buffer = io.BytesIO()
-        picture.save(buffer, "PNG", optimize=True)
-        return buffer.getvalue(), picture.size
+        small.save(buffer, "WEBP", quality=80)
+        return buffer.getvalue(), "webp", small.size
 
 
 def _scenario(run: Run) -> str | None:

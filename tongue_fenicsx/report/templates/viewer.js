@@ -18,6 +18,7 @@
     for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
     return bytes.buffer;
   };
+  const shared = (number) => buffer(page.shared[number]); // what several runs have in common stands once in the page
   const edges = (triangles) => {
     const seen = new Set(), n = 2 ** 26;
     for (let i = 0; i < triangles.length; i += 3)
@@ -109,7 +110,7 @@
 
   // ---- one run: rest, displacement, what is drawn
   const load = (run) => {
-    const rest = new Float32Array(buffer(run.rest)), triangles = new Uint32Array(buffer(run.triangles));
+    const rest = new Float32Array(shared(run.rest)), triangles = new Uint32Array(shared(run.triangles));
     const scene = {
       ...run, rest, triangles, moves: new Int16Array(buffer(run.displacement)),
       now: rest.slice(), normal: new Float32Array(rest.length), size: new Float32Array(rest.length / 3),
@@ -126,7 +127,7 @@
     scene.skin = indexed(triangles);
     scene.wire = { ...indexed(edges(triangles)), buffers: [filled(gl.ARRAY_BUFFER, rest)] };
     scene.bones = run.obstacles.map((bone) => {
-      const points = new Float32Array(buffer(bone.points)), sides = new Uint32Array(buffer(bone.triangles));
+      const points = new Float32Array(shared(bone.points)), sides = new Uint32Array(shared(bone.triangles));
       const arrays = [points, normals(points, sides, new Float32Array(points.length))];
       return { ...indexed(sides), poses: bone.poses, buffers: arrays.map((values) => filled(gl.ARRAY_BUFFER, values)) };
     });
