@@ -183,7 +183,12 @@ def test_bad_input(run: tf.Run, changed: Copy, tmp_path: Path, capsys: pytest.Ca
     (stranger / "summary.json").write_text(json.dumps(summary | {"name": "subject X"}))
     (tmp_path / "out").mkdir()
     picture, film = tmp_path / "out" / "a.png", tmp_path / "out" / "a.mp4"
+    damaged = changed("damaged")
+    (damaged / "fields.h5").write_bytes((damaged / "fields.h5").read_bytes()[:5000])
     for arguments, message in (
+        (["compare", run.folder, damaged, "-o", picture], "damaged/fields.h5: cannot be read"),
+        (["movie", damaged, "-o", film], "damaged/fields.h5: cannot be read"),
+        (["plot", damaged], "damaged/fields.h5: cannot be read"),
         (["compare", run.folder, "-o", picture], "1 runs are given; two to 18 are expected"),
         (
             ["compare", run.folder, stranger, "-o", picture],

@@ -15,6 +15,19 @@ if TYPE_CHECKING:
     from ..runs.run import Run
 
 
+def ends(run: Run) -> tuple[float, float]:
+    """The times in s of the first and the last output.
+
+    Raises
+    ------
+    InputError
+        If the file of the fields is missing or damaged.
+    """
+    with run.reading("fields.h5"):
+        first, last = map(float, run.output_times[[0, -1]])
+    return first, last
+
+
 def check_moment(run: Run, t: float, what: str) -> float:
     """A time in s at which the run has fields.
 
@@ -23,7 +36,7 @@ def check_moment(run: Run, t: float, what: str) -> float:
     InputError
         If it lies before the first output or after the last; `what` is named.
     """
-    first, last = run.output_times[[0, -1]]
+    first, last = ends(run)
     if not first - 1e-9 <= t <= last + 1e-9:
         raise InputError(f"{what}: {t:g} s; {run} has fields from {first:g} to {last:g} s, and a time between them is expected.")
     return float(np.clip(t, first, last))

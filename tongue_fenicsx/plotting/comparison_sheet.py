@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ..analysis.comparison import Comparison
-from ..analysis.moments import check_moment, obstacles_at
+from ..analysis.moments import check_moment, ends, obstacles_at
 from ..analysis.tongue_grid import cut, grids_at, outline, section
 from ..core.errors import InputError
 from ..runs.run import Run
@@ -53,8 +53,7 @@ def draw_comparison(runs: dict[str, Run], path: str | Path, time: float | None =
     most = len(PATHS) * len(DASHES)
     if not 2 <= len(runs) <= most:
         raise InputError(f"compare: {len(runs)} runs are given; two to {most} are expected, the most that lines can tell apart.")
-    ends = [run.output_times[-1] if time is None else check_moment(run, time, "compare: time") for run in runs.values()]
-    comparison = Comparison(runs, list(map(float, ends)))
+    comparison = Comparison(runs, [ends(run)[1] if time is None else check_moment(run, time, "compare: time") for run in runs.values()])
     styles = [(dash, colour) for dash, colour in product(DASHES, PATHS)][: len(runs)]
     names = [name for name in PROBES if any(name in run.probes for run in runs.values())]
     figure = Figure(figsize=(12, 11 if names else 5.5), layout="constrained")

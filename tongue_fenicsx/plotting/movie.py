@@ -70,8 +70,9 @@ def draw_movie(
     if view is not None and view not in VIEWS:
         raise InputError(f"movie: view {view!r} is not one of {', '.join(VIEWS)}.")
     field = SHORT.get(quantity, quantity)
-    run.field(field, 0)
-    outputs = run.output_times
+    with run.reading("fields.h5"):
+        run.field(field, 0)
+        outputs = run.output_times
     first, last = (check_moment(run, t, "movie") for t in (outputs[0] if start is None else start, outputs[-1] if end is None else end))
     if not first < last:
         raise InputError(f"movie: from {first:g} to {last:g} s; a start before the end is expected.")

@@ -34,6 +34,7 @@ def plot(
     if output is not None and (len(sources) > 1 or output.suffix not in PICTURES):
         raise InputError(f"--output {output}: one table and a file named {', '.join(PICTURES)} are expected.")
 
+    from ...analysis.moments import ends
     from ...analysis.tables import Table
     from ...plotting.response_curves import draw_responses
     from ...runs.run import Run
@@ -44,7 +45,9 @@ def plot(
             check_outputs(picture.parent, [picture.name])
             drawn = [draw_responses(Table.read(tables[source]), picture, x, y or (), by)]
         else:
-            drawn = Run(source).plot(*figures or ())
+            run = Run(source)
+            ends(run)  # can its fields be read?
+            drawn = run.plot(*figures or ())
         console.print("wrote " + ", ".join(map(str, drawn)))
 
 
