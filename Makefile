@@ -15,7 +15,7 @@ export OMP_NUM_THREADS := 1
 
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
-	$(BIN)/tongue run demos/ggp.toml -o runs/ggp
+	$(BIN)/tongue run demos/ggp.toml -o runs/ggp --overwrite
 	@echo "Look at runs/ggp/figures/*.png; open runs/ggp/fields.xdmf in ParaView."
 
 QUICK := activation documents engine kinematics seams timestep tissue values

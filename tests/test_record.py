@@ -8,6 +8,7 @@ import itertools
 import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -27,17 +28,19 @@ from filelock import FileLock
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.geometry.obstacles import Plane, Triangulated
-from tongue_fenicsx.geometry.surface import Surface
+from tongue_fenicsx.geometry.surface import read_surface
 from tongue_fenicsx.mechanics.activation import FunctionOfTime
 from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.mechanics.control import OpenLoop
-from tongue_fenicsx.runs.history import ROOM
+from tongue_fenicsx.runs import history as histories
 from tongue_fenicsx.runs.store import Folder
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.simulation.as_scenario import as_scenario
+from tongue_fenicsx.simulation.totals import Totals
 from tongue_fenicsx.testing import with_fibres
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 GGP = {"GGP": tf.ramp(0.01, 0.1)}
 PROBE = {"end": (0.02, 0.005, 0.005)}
 
@@ -243,18 +246,19 @@ def test_folder_that_goes_away(simulation: tf.Simulation, tmp_path: Path) -> Non
         simulation.run(GGP, 0.02, tmp_path / "run", after_step=lambda now: shutil.rmtree(tmp_path / "run", ignore_errors=True))
 
 
-def test_long_histories(simulation: tf.Simulation, tmp_path: Path) -> None:
-    """A history grows beyond its first room, in a folder and in memory alike, and an output costs no more with many before it."""
-    writes: list[int] = []
-    fine = tf.Simulation(simulation.model, PROBE, tf.Stepping(1e-4, output_every=1e-3))
-    t_end = 1e-4 * (ROOM + 20)
-    run = fine.run({}, t_end, tmp_path / "run", after_step=lambda now: writes.append((tmp_path / "run" / "history.h5").stat().st_size))
+def test_long_histories(simulation: tf.Simulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A history grows beyond its first room, in a folder and in memory alike, and is made anew only where it doubles."""
+    monkeypatch.setattr(histories, "ROOM", 8)
+    sizes: set[int] = set()
+    fine = tf.Simulation(simulation.model, PROBE, tf.Stepping(5e-4, output_every=1e-3))
+    t_end = 5e-4 * 40
+    run = fine.run({}, t_end, tmp_path / "run", after_step=lambda now: sizes.add((tmp_path / "run" / "history.h5").stat().st_size))
     memory = fine.run({}, t_end)
-    assert len(run.time) == len(memory.time) == ROOM + 21
+    assert len(run.time) == len(memory.time) == 41
     for name, energy in memory.energy.items():
         np.testing.assert_array_equal(run.energy[name], energy)
     np.testing.assert_array_equal(run.field("velocity"), memory.field("velocity"))
-    assert len(set(writes)) <= 4, "the file is made anew only where its room doubles"
+    assert len(sizes) == 4, "room for 8, 16, 32 and 64 times"
 
 
 @dataclass(frozen=True)
@@ -273,7 +277,8 @@ class Feedback:
 
 def test_a_run_from_python_is_told_as_a_scenario(tongue: tf.TongueMesh, tmp_path: Path) -> None:
     """From another folder it makes the same bits; a function of time is sampled and said, and so is what cannot be told."""
-    ball = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.03, 0.0, 0.06)))
+    pv.Sphere(radius=0.02, center=(0.03, 0.0, 0.06)).save(tmp_path / "ball.stl")
+    ball = read_surface(tmp_path / "ball.stl")
     model = tf.Model(
         tongue,
         replace(tf.Tissue.buchaillard(), density=1010.0),
@@ -289,10 +294,10 @@ def test_a_run_from_python_is_told_as_a_scenario(tongue: tf.TongueMesh, tmp_path
     simulation_of(scenario, tmp_path).run(activation_of(scenario), scenario.time.end, tmp_path / "again")
     same(tmp_path / "moved", tmp_path / "again")
     sampled = OpenLoop({"SL": FunctionOfTime(lambda t: 10 * t)})
-    told = as_scenario(model, simulation.stepping, simulation.tolerances, {}, sampled, 0.0025)
+    told = as_scenario(model, simulation.stepping, simulation.tolerances, {}, sampled, 0.003)
     assert "# activation.SL: a function of time, sampled every 1 ms." in told.scenario
     np.testing.assert_allclose(
-        tomllib.loads(told.scenario)["activation"]["SL"]["pieces"], [[1e-3, 0, 0.01], [1e-3, 0.01, 0.02], [5e-4, 0.02, 0.025]], atol=1e-12
+        tomllib.loads(told.scenario)["activation"]["SL"]["pieces"], [[1e-3, 0, 0.01], [1e-3, 0.01, 0.02], [1e-3, 0.02, 0.03]], atol=1e-12
     )
     run = simulation.run(Feedback(), 0.005, tmp_path / "fed")
     assert "# Not told: the control Feedback" in (run.folder / "scenario.toml").read_text()
@@ -329,3 +334,13 @@ def test_a_scenario_is_kept_whole(tongue_file: Path, tmp_path: Path, capsys: pyt
     capsys.readouterr()
     assert call(str(tmp_path / "moved" / "scenario.toml"), "-o", str(tmp_path / "again")) == 2
     assert "holds a run already" in capsys.readouterr().err
+
+
+def test_the_page_names_everything(simulation: tf.Simulation, tmp_path: Path) -> None:
+    """docs/output.md names every file, group and key that a run leaves."""
+    page = (Path(__file__).parents[1] / "docs" / "output.md").read_text(encoding="utf-8")
+    run = simulation.run(GGP, 0.005, tmp_path)
+    named = {part.split("/")[0].split(",")[0] for part in re.findall(r"`([^`\n]+)`", page)}
+    assert {path.name for path in tmp_path.iterdir()} - {"figures", ".lock"} <= named
+    assert {path.split(":")[1].split("/")[0] for path in datasets(tmp_path) if not path.startswith("checkpoint")} <= named
+    assert run.summary.keys() - Totals().__dict__.keys() <= named

@@ -59,12 +59,12 @@ def as_scenario(
         "muscles": {**_numbers(model.contraction), "sigma_max": told.peak_stress()},
         "boundary": {"fixed": list(model.fixed), "moving": _each(model.moving), "suspended": _each(model.suspended)},
         "gravity": {"acceleration": list(map(float, model.gravity)), "rise": model.gravity_rise},
-        "contact": told.contacts(),
+        "contact": told.contacts(tolerances.penetration),
         "load": {name: {kind: _numbers(load) for kind, of in LOADS.items() if type(load) is of} for name, load in model.loads.items()},
         "region": {name: told.law(law, f"region.{name}") for name, law in model.regions.items()},
-        "time": {"end": t_end, **_numbers(stepping, "output_every", "fields")},
+        "time": {"end": t_end, "step_max": tolerances.step, **_numbers(stepping, "output_every", "fields")},
         "output": {"every": stepping.output_every, "fields": list(stepping.fields)},
-        "solver": _numbers(tolerances),
+        "solver": _numbers(tolerances, "step", "penetration"),
         **told.activation(control, t_end),
         "probes": {name: np.asarray(point).tolist() for name, point in probes.items()},
     }
@@ -103,10 +103,10 @@ class _Told:
         known = {*self._tongue.muscles, *map(base_name, self._tongue.muscles)}
         return {name: float(stress) for name, stress in self._model.tissue.peak_stress.items() if name in known}
 
-    def contacts(self) -> dict[str, Any]:
+    def contacts(self, tolerance: float) -> dict[str, Any]:
         told: dict[str, Any] = {}
         for name, contact in self._model.contacts.items():
-            section = {**self._obstacle(name, contact.obstacle), **_numbers(contact, "obstacle", "motion")}
+            section = {"tolerance": tolerance, **self._obstacle(name, contact.obstacle), **_numbers(contact, "obstacle", "motion")}
             if contact.motion is not None:
                 bone = next((bone for bone, motion in self._model.moving.items() if motion is contact.motion), None)
                 self.refuse(f"the motion of contact.{name}, which is that of no bone", bone is None)

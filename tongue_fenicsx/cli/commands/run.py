@@ -70,7 +70,7 @@ def _print_result(run: Run) -> None:
         f"peak speed {100 * s['peak_speed_m_s']:.1f} cm/s"
     )
     for name, u in s["probes"].items():
-        console.print(f"  {name}: {1e3 * -u[0]:+.1f} mm forward, {1e3 * u[2]:+.1f} mm up")
+        console.print(f"  {name}: {1e3 * u[0]:+.1f} mm backward, {1e3 * u[2]:+.1f} mm up")
     for name, touch in s["contact"].items():
         console.print(
             f"  contact with {name}: up to {touch['force_max_N']:.2g} N on {1e6 * touch['area_max_m2']:.0f} mm², "
