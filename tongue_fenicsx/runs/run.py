@@ -131,7 +131,7 @@ class Run:
         InputError
             If the run stored no such field.
         """
-        with self.store.open("fields.h5") as file:
+        with self.reading("fields.h5"), self.store.open("fields.h5") as file:
             known = sorted(file.keys() - {"mesh", "obstacles", "time"})
             if name not in known:
                 raise InputError(f"field: {self} has no field {name!r}; it has {', '.join(known)}.")
@@ -140,13 +140,13 @@ class Run:
     @property
     def output_times(self) -> Floats:
         """Times in s of the stored fields, (n_outputs,)."""
-        with self.store.open("fields.h5") as file:
+        with self.reading("fields.h5"), self.store.open("fields.h5") as file:
             return np.asarray(file["time"][: _count(file)])
 
     @property
     def mesh(self) -> tuple[Floats, Ints]:
         """Rest coordinates (n_nodes, 3) in m and quadratic tetrahedra (n_cells, 10) in VTK order."""
-        with self.store.open("fields.h5") as file:
+        with self.reading("fields.h5"), self.store.open("fields.h5") as file:
             return file["mesh/points"][:], file["mesh/cells"][:].astype(np.int64)
 
     @cached_property
@@ -157,7 +157,7 @@ class Run:
     @cached_property
     def obstacles_at_rest(self) -> dict[str, Surface]:
         """The surfaces of the obstacles at rest."""
-        with self.store.open("fields.h5") as file:
+        with self.reading("fields.h5"), self.store.open("fields.h5") as file:
             return {name: Surface.read(group) for name, group in file.get("obstacles", {}).items()}
 
     def pose(self, obstacle: str, index: int = -1) -> tuple[Floats, Floats]:
