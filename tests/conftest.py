@@ -17,12 +17,17 @@ from filelock import FileLock
 
 import tongue_fenicsx as tf  # before mpi4py
 from tongue_fenicsx.core.parallel import on_rank_zero
+from tongue_fenicsx.forms import jit
 from tongue_fenicsx.meshing import build as meshing
+from tongue_fenicsx.studies import single_muscle as solo
 
 from mpi4py import MPI  # isort: skip
 
 EXAMPLE = Path(__file__).parents[1] / "demos" / "example_subject"
 SUBJECT = Path(__file__).parents[2] / "shared" / "data" / "subject_pb"
+
+jit.FLAGS[0] = "-O1"
+"""Compiled in half the time to kernels a tenth slower; what tests start as a command has the flags of the package."""
 
 needs_subject = pytest.mark.skipif(not SUBJECT.is_dir(), reason="the data of subject PB are not beside the project")
 
@@ -34,6 +39,7 @@ file = "tongue.msh"
 preset = "buchaillard"
 [time]
 end = 0.12
+step = 0.01
 [output]
 every = 0.06
 [activation.MH]
@@ -132,6 +138,13 @@ def tongue_file(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 def tongue(tongue_file: Path) -> tf.TongueMesh:
     """The same, read."""
     return tf.TongueMesh.read(tongue_file)
+
+
+@pytest.fixture
+def _quick_protocol(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A muscle alone is held for 50 ms, and among the bones only the palate is in its way."""
+    monkeypatch.setattr(solo, "HOLD", 0.05)
+    monkeypatch.setattr(solo, "walls_in", lambda mesh: ["palate"])
 
 
 @pytest.fixture(autouse=True)

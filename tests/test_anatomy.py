@@ -8,6 +8,7 @@ import json
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import gmsh
@@ -23,8 +24,8 @@ from tongue_fenicsx.anatomy.comparison import compare
 from tongue_fenicsx.anatomy.parametric.size import PRESETS, TongueShape
 from tongue_fenicsx.geometry.tetrahedron import volumes
 from tongue_fenicsx.meshing import build as meshing
-from tongue_fenicsx.meshing.muscle_fields import project_muscles
-from tongue_fenicsx.meshing.tetrahedra import tetrahedralise
+from tongue_fenicsx.meshing.muscle_fields import MuscleField, project_muscles
+from tongue_fenicsx.meshing.tetrahedra import Tetrahedra, tetrahedralise
 from tongue_fenicsx.plotting import anatomy_figures as portraits
 
 TABLE_VOLUME = {
@@ -37,6 +38,14 @@ TABLE_VOLUME = {
 def parametric() -> tf.Anatomy:
     """The built-in tongue."""
     return tf.parametric_tongue()
+
+
+@cache
+def meshed(size: float) -> tuple[Tetrahedra, dict[str, MuscleField]]:
+    """Tetrahedra of the built-in tongue and its muscles on them."""
+    anatomy = tf.parametric_tongue()
+    mesh = tetrahedralise(anatomy, size)
+    return mesh, project_muscles(anatomy, mesh)
 
 
 def test_parametric_shape(parametric: tf.Anatomy) -> None:
@@ -202,10 +211,9 @@ def test_directions_survive_meshing(tongue_file: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [8e-3, 5e-3])
-def test_entry_of_styloglossus(parametric: tf.Anatomy, size: float) -> None:
+def test_entry_of_styloglossus(size: float) -> None:
     """SG enters with the cross-section of its flat band, five tubes of 1.8 mm radius side by side over 11.3 mm, left as right."""
-    mesh = tetrahedralise(parametric, size)
-    fields = project_muscles(parametric, mesh)
+    mesh, fields = meshed(size)
     assert [name for name, field in fields.items() if field.entry is not None] == ["SG_L", "SG_R"]
     for name, side in (("SG_L", -1), ("SG_R", 1)):
         entry = fields[name].entry
@@ -278,11 +286,9 @@ def test_reads_back_the_same(tongue: tf.TongueMesh, tongue_file: Path) -> None:
 
 def test_volume_converges_with_refinement() -> None:
     """The same rule at 8 and at 5 mm gives muscle volumes that agree."""
-    anatomy = tf.parametric_tongue()
     volumes = []
     for size in (8e-3, 5e-3):
-        mesh = tetrahedralise(anatomy, size)
-        fields = project_muscles(anatomy, mesh)
+        _, fields = meshed(size)
         volumes.append({name: field.volume for name, field in fields.items()})
         for field in fields.values():
             assert field.weight.min() >= 0
@@ -353,7 +359,7 @@ def test_agrees_with_a_measured_tongue(parametric: tf.Anatomy) -> None:
 def test_comparison_with_itself(parametric: tf.Anatomy) -> None:
     """A tongue agrees with itself, and with its own enlargement."""
     for other in (parametric, tf.parametric_tongue(TongueShape(scale=1.2))):
-        for name, agreement in compare(other, parametric, spacing=4e-3).items():
+        for name, agreement in compare(other, parametric, spacing=6e-3).items():
             assert agreement.dice > 0.99, name
             assert agreement.angle < 7, name  # the smoothing of the field on curved fibres
             assert agreement.length_ratio == pytest.approx(1, abs=0.01), name

@@ -15,6 +15,7 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.anatomy.catalogue import CALIBRATION, CALKA_STRESS, PEAK_STRESS
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.studies import calibration
+from tongue_fenicsx.studies import single_muscle as solo
 from tongue_fenicsx.studies.calibration import BOUND, Found, search
 
 
@@ -91,16 +92,18 @@ def test_the_table_of_the_package() -> None:
     assert PEAK_STRESS["kappert"]["SL"] == pytest.approx(CALKA_STRESS["SL"] * 273 / 192)
 
 
-def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One muscle on the small mesh to a small strain: each run is said, and the file is a piece of a scenario that gives the strain."""
+def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """One muscle on the small mesh for 60 ms: each run is said, and the file is a piece of a scenario that gives the strain."""
+    monkeypatch.setattr(solo, "RISE", 0.03)
+    monkeypatch.setattr(solo, "HOLD", 0.03)
     output = tmp_path / "stress.toml"
-    code, text = command(capsys, "calibrate", "-o", output, "--mesh", tongue_file, "--muscle", "GGM", "--strain", "0.35")
+    code, text = command(capsys, "calibrate", "-o", output, "--mesh", tongue_file, "--muscle", "GGM", "--strain", "0.25")
     assert code == 0, text
     assert "GGM: 4 kPa, strain 0." in text
     assert (tmp_path / "stress-runs" / "GGM-4000Pa" / "summary.json").is_file()
     found = tomllib.loads(output.read_text())
     stress, strain = found["muscles"]["sigma_max"]["GGM"], found["calibration"]["strain"]["GGM"]
-    assert strain == pytest.approx(0.35, abs=0.02)
+    assert strain == pytest.approx(0.25, abs=0.02)
     scenario = tmp_path / "s.toml"
     scenario.write_text(
         f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.35\n[activation.GGM]\npieces = [[0.1, 0.0, 1.0]]\n'

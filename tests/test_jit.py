@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,7 @@ from tongue_fenicsx.testing import with_fibres
 def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run with another tissue, damping, stress, fibre law, load, contact stiffness and step finds everything compiled."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(jit, "FLAGS", ["-O0"])
 
     def simulate(scale: float) -> set[str]:
         model = tf.Model(
@@ -36,7 +36,7 @@ def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, mon
             gravity=(0.0, 0.0, -9.81 * scale),
         )
         stepping = tf.Stepping(step_max=2e-3 * scale, output_every=4e-3)
-        tf.Simulation(model, stepping=stepping).run({"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, 4e-3, tmp_path / "run")
+        tf.Simulation(model, stepping=stepping).run({"GGP_L": tf.ramp(0.01 * scale, 0.1, scale / 2)}, 4e-3)
         return {path.name for path in (tmp_path / "cache").rglob("*.so")}
 
     compiled = simulate(1.0)
@@ -51,7 +51,9 @@ def test_a_damaged_form_is_compiled_again(tmp_path: Path, monkeypatch: pytest.Mo
     area = fem.Constant(mesh, 1.0) * ufl.dx
     assert fem.assemble_scalar(jit.compile_form(area, mesh.comm)) == pytest.approx(1.0)
     (module,) = tmp_path.rglob("*.so")
-    os.truncate(module, 4096)
+    start = module.read_bytes()[:4096]
+    module.unlink()  # what is loaded stays whole
+    module.write_bytes(start)
     assert fem.assemble_scalar(jit.compile_form(area, mesh.comm)) == pytest.approx(1.0)
 
 

@@ -9,7 +9,7 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.geometry.obstacles import BAND, Moved, Obstacle, Plane, Sphere, Triangulated, check_orientation
+from tongue_fenicsx.geometry.obstacles import BAND, SPACING, Moved, Obstacle, Plane, Sphere, Triangulated, check_orientation
 from tongue_fenicsx.geometry.surface import Surface
 
 CENTRE, RADIUS = np.array([0.01, 0.0, 0.02]), 0.012
@@ -112,13 +112,14 @@ def test_symmetric_bones_have_symmetric_gaps(tongue: tf.TongueMesh) -> None:
     for name in ("mandible", "lower_teeth", "velum", "pharynx"):
         bone = tongue.bones[name]
         points = bone.points[RNG.integers(0, len(bone.points), 300)] + RNG.normal(0, 5e-4, (300, 3))
-        gaps = [Triangulated(bone).evaluate(points * (1, sign, 1))[0] for sign in (1, -1)]
+        obstacle = Triangulated(bone, spacing=SPACING if name == "velum" else 1.25e-3)
+        gaps = [obstacle.evaluate(points * (1, sign, 1))[0] for sign in (1, -1)]
         assert np.percentile(abs(gaps[0] - gaps[1]), 99) < (0.05e-3 if name == "velum" else 1e-6), name
 
 
 def test_palate(tongue: tf.TongueMesh) -> None:
     """The built-in palate is 8 mm above the dorsum, and the tongue at rest is outside all bones."""
-    gap, n, _ = Triangulated(tongue.bones["palate"], band=12e-3).evaluate(tongue.landmarks["dorsum"][None])
+    gap, n, _ = Triangulated(tongue.bones["palate"], spacing=2e-3, band=12e-3).evaluate(tongue.landmarks["dorsum"][None])
     assert gap[0] == pytest.approx(7.5e-3, abs=1e-3)
     assert n[0, 2] < -0.7
 

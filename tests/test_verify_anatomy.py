@@ -118,6 +118,7 @@ def test_columns() -> None:
     ]
 
 
+@pytest.mark.usefixtures("_quick_protocol")
 def test_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """One muscle in one setting: the matrix on the terminal and in two files, exit 0; exit 3 with the value where a criterion fails."""
     monkeypatch.setattr(matrix, "LEVELS", {"calka": (1.0,)})

@@ -119,7 +119,7 @@ def time_order() -> Iterator[Row]:
     )
 
 
-def decay() -> Iterator[Row]:
+def decay(step: float = 2e-3) -> Iterator[Row]:
     """A soft block released from a small stretch: its lowest mode decays with the rate α/2."""
     alpha = 4.0
     tongue = box((0.02, 0.01, 0.01), (4, 2, 2))
@@ -127,7 +127,7 @@ def decay() -> Iterator[Row]:
     model = Model(tongue, tissue, fixed=["wall"], gravity=(0.0, 0.0, -0.05), gravity_rise=0.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(MPI.COMM_WORLD.bcast(folder))
-        stepping = Stepping(step_max=2e-3, output_every=1.0, spectral_radius=1.0)
+        stepping = Stepping(step_max=step, output_every=1.0, spectral_radius=1.0)
         simulation = Simulation(
             model, probes={"end": (0.02, 0.005, 0.005)}, stepping=stepping, tolerances=Tolerances.of("tight", rtol=1e-8, atol=1e-14)
         )
@@ -195,9 +195,10 @@ def ranks(counts: tuple[int, ...] = (2, 4), end: float = 0.02) -> Iterator[Row]:
             yield Row(case, "the same probes", max(gaps) / scale, limit, note)
 
 
-def _on_ranks(n: int, home: Path, end: float, changes: tuple[str, ...] = ()) -> Run:
-    """GGP on the tongue in `home`, run by `mpiexec` on `n` ranks."""
-    (home / "ranks.toml").write_text(
+def write_scenario(home: Path, end: float) -> Path:
+    """GGP on the tongue in `home`, with fixed steps and tight tolerances, to `end` in s."""
+    path = home / "ranks.toml"
+    path.write_text(
         f"""[mesh]
 file = "tongue.msh"
 [time]
@@ -212,8 +213,14 @@ linear = 1e-9
 pieces = [[0.02, 0.0, 0.2]]
 """
     )
+    return path
+
+
+def _on_ranks(n: int, home: Path, end: float, changes: tuple[str, ...] = ()) -> Run:
+    """GGP on the tongue in `home`, run by `mpiexec` on `n` ranks."""
+    scenario = write_scenario(home, end)
     options = [part for change in changes for part in ("--set", change)]
-    program = [sys.executable, "-m", "tongue_fenicsx", "run", "ranks.toml", "-o", f"on_{n}", *options]
+    program = [sys.executable, "-m", "tongue_fenicsx", "run", scenario.name, "-o", f"on_{n}", *options]
     launcher = [] if n == 1 else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(n)]
     done = subprocess.run(
         [*launcher, *program], cwd=home, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=600, check=False

@@ -147,8 +147,10 @@ def _plan(curve: Floats, xy: Floats) -> Floats:
     outline = np.vstack([curve, curve[::-1] * (1, -1)])
     step = np.linspace(0, 1, 20, endpoint=False)[:, None]
     dense = np.vstack([a + step * (b - a) for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True)])
+    plan, above = np.unique(xy @ [1, 1j], return_inverse=True)
+    xy = np.column_stack([plan.real, plan.imag])
     distance = cKDTree(dense).query(xy)[0]
-    return np.asarray(np.where(Polygon(outline).contains_points(xy), distance, -distance))
+    return np.asarray(np.where(Polygon(outline).contains_points(xy), distance, -distance))[above]
 
 
 def _mandible() -> Field:

@@ -10,7 +10,7 @@ zero at the contour like a superellipse, so that edges and tip are round.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -52,8 +52,7 @@ def parametric_tongue(shape: TongueShape | None = None, split: Collection[str] =
         if name not in SPLITTABLE:
             raise InputError(f"split: {name!r} is not one of {', '.join(SPLITTABLE)}.")
     shape = shape or TongueShape()
-    profile = Profile()
-    half = profile.surface()
+    profile, half, drawn = _as_drawn()
     labels = _attachment(half.centroids)
     n = len(half.points)
     mirrored = half.points * (1, -1, 1)
@@ -66,8 +65,15 @@ def parametric_tongue(shape: TongueShape | None = None, split: Collection[str] =
     if surface.volume < 0:
         surface = Surface(surface.points, triangles[:, ::-1].copy(), surface.labels)
     muscles = {muscle.name: muscle for muscle in _muscles(profile, shape, split)}
-    bones = {name: bone.transform(shape.place) for name, bone in parametric_bones(profile).items()}
+    bones = {name: bone.transform(shape.place) for name, bone in drawn.items()}
     return Anatomy("parametric tongue", surface, muscles, np.zeros(3), bones, mirrored=True)
+
+
+@cache
+def _as_drawn() -> tuple[Profile, Surface, dict[str, Surface]]:
+    """Profile, right half and bones in mm, of which every shape is made; kept, as they take seconds."""
+    profile = Profile()
+    return profile, profile.surface(), parametric_bones(profile)
 
 
 def _attachment(centroids: Floats) -> np.ndarray:
