@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from benchmarks import measure
+from benchmarks import measure, stress
 
 
 def test_assembly(tongue_file: Path) -> None:
@@ -23,3 +24,11 @@ def test_a_step(preset: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(measure, "REPEATS", 1)
     PETSc.Log.begin()
     assert all(value > 0 for value in measure.solver(2, preset).values())
+
+
+def test_profiles() -> None:
+    """The quicker solver of each case counts at 1, one that does not finish at none."""
+    at, shares = stress.profiles({"ours": {"a": 1.0, "b": 4.0}, "plain": {"a": 3.0, "b": 2.0, "c": 5.0}})
+    np.testing.assert_allclose(at, [1, 2, 3])
+    np.testing.assert_allclose(shares["ours"], [1 / 3, 2 / 3, 2 / 3])
+    np.testing.assert_allclose(shares["plain"], [2 / 3, 2 / 3, 1])

@@ -13,6 +13,7 @@ __all__ = [
     "postures",
     "run_table",
     "single_muscle",
+    "stress",
     "sweep",
     "sweep_file",
     "worker",

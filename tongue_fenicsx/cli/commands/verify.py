@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,28 +23,38 @@ if TYPE_CHECKING:
 
 
 def verify(
-    only: Annotated[str | None, typer.Option("--only", metavar="NAME", help="One case, such as patch, fibres or calculix.")] = None,
+    only: Annotated[
+        str | None, typer.Option("--only", metavar="NAME", help="One case, such as patch, fibres or calculix; of --stress one kind.")
+    ] = None,
     anatomy: Annotated[bool, typer.Option("--anatomy", help="Instead: does each muscle alone do what anatomy says?")] = False,
     subject: Annotated[
         Path | None, typer.Option("--subject", metavar="SUBJECT_FOLDER", help="With --anatomy: a real subject as well.")
     ] = None,
+    stress: Annotated[bool, typer.Option("--stress", help="Instead: do hard cases reach their end, and with how much work?")] = False,
+    sample: Annotated[int | None, typer.Option("--sample", metavar="N", help="With --stress: only N runs, spread over the kinds.")] = None,
     robust: Annotated[bool, typer.Option("--robust", help="With --anatomy: also at 0.8 and 1.2 of the peak stresses.")] = False,
     mesh: MeshFile = None,
     muscle: Muscles = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="DIR", help="With --anatomy: keep the runs and the matrix here.")
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="With --anatomy or --stress: keep the runs and the table here.")
     ] = None,
     jobs: Jobs = 1,
     overwrite: Overwrite = False,
 ) -> None:
     """Compare the model with closed forms and with CalculiX, or muscles with anatomy; exit 0 only if everything holds that is not open."""
-    if anatomy:
+    if sample is not None and not stress:
+        raise InputError("--sample belongs to --stress.")
+    if stress:
+        if anatomy or subject or robust or muscle:
+            raise InputError("--stress: not with --anatomy, --subject, --robust or --muscle.")
+        holds = _verify_stress(only, sample, mesh, output, jobs, overwrite)
+    elif anatomy:
         if only is not None:
             raise InputError("--only and --anatomy: give one of them.")
         holds = _verify_anatomy(subject, robust, mesh, muscle, output, jobs, overwrite)
     else:
         if subject or robust or mesh or muscle or output or jobs != 1 or overwrite:
-            raise InputError("--subject, --robust, --mesh, --muscle, --output, --jobs and --overwrite belong to --anatomy.")
+            raise InputError("--subject, --robust, --mesh, --muscle, --output, --jobs and --overwrite belong to --anatomy or --stress.")
         holds = _verify_cases(only)
     if not holds:
         raise SystemExit(3)
@@ -70,6 +80,31 @@ def _verify_cases(only: str | None) -> bool:
     if MPI.COMM_WORLD.rank == 0:
         console.print(tabulate(rows, "verification"))
     return holds
+
+
+def _verify_stress(only: str | None, sample: int | None, mesh: Path | None, output: Path | None, jobs: int, overwrite: bool) -> bool:
+    """Print the stress set by kind, and what failed; say whether enough of it reaches the end."""
+    from ...studies import single_muscle as solo
+    from ...studies import stress as study
+    from ...studies import sweep
+    from ...studies.pool import Workers
+    from ...studies.run_table import TABLE
+
+    chosen = study.select(only, sample)
+
+    def run(scratch: Path, bar: RunsBar) -> Sequence[Mapping[str, str]]:
+        folder = output or scratch
+        path = solo.mesh_of(mesh, "coarse", folder)
+        plan, _ = sweep.run(
+            study.runs(chosen, path, solo.walls_in(path)), folder, Workers(jobs, overwrite=overwrite, report=bar), fields=False
+        )
+        return study.read(plan.folder / TABLE)
+
+    def show(rows: Sequence[Mapping[str, str]]) -> Iterator[Table | str]:
+        yield tabulate(study.by_kind(rows), f"{len(rows)} of {len(study.cases())} runs of the stress set")
+        yield from study.failures(rows)
+
+    return study.holds(conduct(output, study.FILES, run, show, study.write))
 
 
 def _verify_anatomy(
