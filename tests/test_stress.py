@@ -71,10 +71,10 @@ def test_judgement(tmp_path: Path) -> None:
 
 def work(tongue_file: Path) -> dict[str, dict[str, int]]:
     """Steps, rejected ones, Newton and Krylov iterations of hard cases of some milliseconds: jumps, both tissues, ν = 0.499, contact."""
-    base = tomllib.loads(LIVING) | {"time": {"end": 0.04}, "output": {"every": 0.04}}
+    base = tomllib.loads(LIVING) | {"time": {"end": 0.02}, "output": {"every": 0.02}}
     everything, bench, found = {f"activation.{name}": [(0.1, 1.0, 1.0)] for name in ("GGP", "MH", "SL")}, Workbench(), {}
     design: dict[str, dict[str, Any]] = {
-        "ramp": {"activation.GGP": [(0.04, 0.0, 1.0)]},
+        "ramp": {"activation.GGP": [(0.02, 0.0, 1.0)]},
         "jump": {"tissue.preset": "calka", **everything},
         "living jump": everything,
         "jump at 0.499": {"tissue.nu": 0.499, **everything},

@@ -177,6 +177,9 @@ def test_open_statements() -> None:
         (["--anatomy", "--mesh", "nowhere.msh"], "nowhere.msh: the file does not exist"),
         (["--anatomy", "--only", "patch"], "--only and --anatomy: give one of them"),
         (["--robust"], "--jobs and --overwrite belong to --anatomy"),
+        (["--stress", "--only", "patch"], "--only patch: one of antagonists, jump, level"),
+        (["--stress", "--anatomy"], "--stress: not with --anatomy"),
+        (["--sample", "3"], "--sample belongs to --stress"),
         (["--anatomy", "--strict"], "No such option: --strict"),
     ],
 )
