@@ -344,3 +344,9 @@ def test_workers_that_cannot_be() -> None:
     """Processes and shares are two ways to the same end."""
     with pytest.raises(InputError, match=r"--jobs 2: not with mpiexec or --shard"):
         Workers(jobs=2, shard=(1, 2))
+
+
+def test_the_seed_goes_with_each_run(tmp_path: Path) -> None:
+    """The seed of a design stands in the scenario of each of its runs, whose record has it."""
+    (tmp_path / "sweep.toml").write_text('[base.time]\nend = 0.1\n[random_activations]\nn = 2\nseed = 7\nmuscles = ["GGP"]\n')
+    assert sweep_file.load(tmp_path / "sweep.toml")[0]["seed"] == 7

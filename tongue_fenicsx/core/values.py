@@ -181,6 +181,7 @@ Below1 = Annotated[float, Real(low=0, high=1, above=True, below=True)]
 Seconds = Annotated[float, Real("s", low=1e-6, high=100)]
 """Times that make sense for a tongue, so that no run is endless by a slip."""
 Duration = Annotated[float, Real("s", low=0, above=True)]
+Seed = Annotated[int, Real(low=0, high=2**63, whole=True)]
 Rise = Annotated[float, Real("s", low=0, high=100)]
 Length = Annotated[float, Real("m", low=0, above=True)]
 Point = Annotated[Sequence[float], Vector("m")]

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from ..anatomy.parametric.size import PRESETS, SPLITTABLE, TongueShape
-from ..core.values import UNITS, Direction, Length, Name, OneOf, Rise, Seconds, Vector, hints, in_metres, keys
+from ..core.values import UNITS, Direction, Length, Name, OneOf, Rise, Seconds, Seed, Vector, hints, in_metres, keys
 from ..geometry.obstacles import OBSTACLES
 from ..geometry.rigid_motion import RigidMotion
 from ..mechanics.activation import Activation, Excited, Pieces
@@ -282,9 +282,11 @@ class ExcitationSection(Section):
 
 
 class Scenario(Section):
-    """A whole scenario; lengths that a file gives in mm are in m here (gravity is always in m/s²)."""
+    """A whole scenario; lengths that a file gives in mm are in m here (gravity is always in m/s²). The seed is that of the design which the
+    scenario comes from, for its record."""
 
     units: Annotated[str, OneOf(names=("m", "mm"))] = "m"
+    seed: Seed | None = None
     mesh: MeshSection
     tissue: TissueSection = Field(default_factory=TissueSection)
     muscles: MuscleSection = MuscleSection()

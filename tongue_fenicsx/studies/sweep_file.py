@@ -12,14 +12,13 @@ import numpy as np
 from pydantic import ValidationError, model_validator
 
 from ..core.errors import InputError
-from ..core.values import Duration, Number, OneOf, Real, Share, explain
+from ..core.values import Duration, Number, OneOf, Real, Seed, Share, explain
 from ..scenario.files import read_toml, set_option, toml_value
 from ..scenario.schema import Section
 from . import designs
 from .designs import Change
 
 Count = Annotated[int, Real(low=1, high=1_000_000, whole=True)]
-Seed = Annotated[int, Real(low=0, high=2**63, whole=True)]
 
 RANGE = re.compile(r"([^:,\[\]]+):([^:,\[\]]+):(\d+)")
 """First value, last value and how many, as in ``0.1:1.0:10``."""
@@ -119,6 +118,9 @@ def load(path: Path, changes: Sequence[str] | None = None) -> tuple[dict[str, An
         raise InputError(f"{path}: nothing is varied; one or more of vary, table, sample and random_activations are expected.")
     base, folder = (file.base, path.parent) if isinstance(file.base, dict) else _base(path.parent / file.base)
     _change(base, changes)
+    for drawn in (file.sample, file.random_activations):
+        if drawn is not None:
+            base["seed"] = drawn.seed
     parts: list[list[Change]] = []
     if file.table is not None:
         parts.append(designs.from_table(path.parent / file.table))

@@ -134,7 +134,9 @@ class Worker:
         def go(resume: bool) -> Run:
             activation = activation_of(scenario)
             inputs = inputs_of(scenario, simulation.model.tongue, link=True)
-            return simulation.run(activation, scenario.time.end, folder, resume=resume, overwrite=not resume, report=report, inputs=inputs)
+            return simulation.run(
+                activation, scenario.time.end, folder, resume=resume, overwrite=not resume, report=report, inputs=inputs, seed=scenario.seed
+            )
 
         def report(progress: Progress) -> None:
             self._report(News(case.name, progress.t / progress.t_end))

@@ -48,7 +48,9 @@ def run(
         inputs = assemble.inputs_of(loaded, simulation.model.tongue)
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
-            result = simulation.run(courses, loaded.time.end, output, resume=resume, overwrite=overwrite, report=bar, inputs=inputs)
+            result = simulation.run(
+                courses, loaded.time.end, output, resume=resume, overwrite=overwrite, report=bar, inputs=inputs, seed=loaded.seed
+            )
     except Paused as paused:
         raise Interrupted(paused.number, f"{paused}, go on with --resume") from None
     if comm.rank == 0:
