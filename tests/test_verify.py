@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from dolfinx.fem import petsc as fem_petsc
 
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.forms import nodal_forces as forces
@@ -67,7 +68,7 @@ def _stiffer(patch: pytest.MonkeyPatch) -> None:
 
 
 def _stiffer_tangent(patch: pytest.MonkeyPatch) -> None:
-    right = material.fem_petsc.assemble_matrix
+    right = fem_petsc.assemble_matrix
 
     def wrong(form: Any) -> Any:
         matrix = right(form)
