@@ -66,6 +66,7 @@ def made_up(muscle: str, sign: float, shift: tuple[float, float, float], well: b
     at = {name: int(np.argmin(((points - point) ** 2).sum(axis=1))) for name, point in rest.items()}
     return SimpleNamespace(
         mesh=(1e-3 * points, cells),
+        output_times=np.array([0.35]),
         field=lambda name, index=-1: 1e-3 * u,
         rest={name: 1e-3 * np.array(point) for name, point in rest.items()},
         probes={name: 1e-3 * u[[node]] for name, node in at.items()},
