@@ -57,6 +57,7 @@ class Newton:
     """
 
     def __init__(self, equations: Equations, tolerances: Tolerances, log: Callable[[str], None]) -> None:
+        self._options = SolverOptions()  # before any vector
         self._equations, self._log = equations, log
         self._weak = weak = equations.weak
         if weak.pressure is not None:  # the norm of the residual hardly sees the balance of volume
@@ -77,7 +78,6 @@ class Newton:
         )
         self._assemble()  # what derives from it takes over where it has entries
         self._operator = self._A if self._bodies is None else self._bodies.reduce(self._A)
-        self._options = SolverOptions()
         self._linear = LinearSolvers(weak, self._A, self._operator, self._bodies, self._options, tolerances.linear)
         snes = PETSc.SNES().create(V.mesh.comm)
         snes.setOptionsPrefix(self._options.prefix)

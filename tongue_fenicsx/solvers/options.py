@@ -10,10 +10,8 @@ from itertools import count
 
 from petsc4py import PETSc
 
-for _key in ("vec_mdot_use_gemv", "vec_maxpy_use_gemv"):  # BLAS sums in an order that depends on where the vectors lie in memory,
-    if not PETSc.Options().hasName(_key):  # so that no run with GMRES could be repeated to the last bit
-        PETSc.Options()[_key] = "0"
-
+REPEATABLE = ("vec_mdot_use_gemv", "vec_maxpy_use_gemv")
+"""Set to 0 for all vectors: BLAS sums in an order that depends on where they lie in memory, and no run with GMRES would repeat."""
 _numbers = count()
 
 
@@ -29,10 +27,14 @@ class SolverOptions:
     """
 
     def __init__(self) -> None:
+        options = PETSc.Options()
+        for key in REPEATABLE:
+            if not options.hasName(key):
+                options[key] = "0"
         self.prefix = f"tongue_{next(_numbers)}_"
         self._keys: list[str] = []
         self._clear = weakref.finalize(self, _delete, self._keys)
-        for key, value in PETSc.Options().getAll().items():
+        for key, value in options.getAll().items():
             if key.startswith("tongue_") and not re.match(r"tongue_\d+_", key):
                 self.put(self.prefix, {key.removeprefix("tongue_"): value})
 
