@@ -49,6 +49,7 @@ pieces = [[0.1, 0.0, 0.8]]
 [activation.SL]
 pieces = [[0.1, 0.0, 0.3]]
 [contact.palate]
+tolerance = 5e-5
 """
 """The tongue rises to the palate; beside `tongue_file`."""
 
