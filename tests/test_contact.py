@@ -118,13 +118,13 @@ def test_resume_in_contact(block: tf.TongueMesh, scratch: Path, form: str) -> No
 
 
 @pytest.mark.parametrize(("form", "stiffness", "tolerated"), [("penalty", 0.02, 0.01e-3), ("nitsche", 0.1, 0.002e-3)])
-def test_augmentation(block: tf.TongueMesh, scratch: Path, form: str, stiffness: float, tolerated: float) -> None:
+def test_augmentation(block: tf.TongueMesh, form: str, stiffness: float, tolerated: float) -> None:
     """A soft obstacle alone lets the block in; pressing harder until its tolerance it does not."""
     deep = []
     for tolerance in (1.0, tolerated):
         contact = Contact(FLOOR, form, stiffness=stiffness, tolerance=tolerance)
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run({}, 0.1, scratch)
+        run = tf.Simulation(sinking(block, contact), probes={}, stepping=stepping).run({}, 0.1)
         deep.append(run.contact["floor"]["penetration"][-1])
     assert deep[0] > 2 * tolerated
     assert deep[1] < tolerated

@@ -53,7 +53,7 @@ def test_a_free_block_follows_its_bone(block: tf.TongueMesh, scratch: Path, mixe
     motion = tf.RigidMotion([(0.1, 0.0, 40.0)], [(0.1, (0, 0, 0), (0, 1e-3, 0))])
     model = tf.Model(block, fixed=[], moving={"left": motion}, mixed=mixed)
     stepping = tf.Stepping(step_max=0.01, output_every=0.1, quasi_static=True)
-    run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=TIGHT).run({}, 0.1, scratch)
+    run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=TIGHT).run({}, 0.1)
     np.testing.assert_allclose(run.probes["end"][-1], motion.displacement(np.array([END["end"]]), 0.1)[0], atol=1e-8)
     assert abs(run.support["left"][-1]).max() < 1e-8
     assert abs(run.energy["support_work"][-1]) < 1e-9
@@ -94,7 +94,7 @@ def test_mixed_and_moving_resume_exactly(block: tf.TongueMesh, scratch: Path) ->
     assert whole.summary["volume_change_max"] < 1e-6
 
 
-def test_mixed_is_accurate_when_incompressible(scratch: Path) -> None:
+def test_mixed_is_accurate_when_incompressible() -> None:
     """At ν = 0.4 both forms agree; at 0.499 the displacement form is too stiff; the mixed one is within 5 % of a finer mesh at 0.5."""
     coarse, fine = (box((0.02, 0.01, 0.01), (2 * n, n, n)) for n in (2, 4))
     sag = []
@@ -104,7 +104,7 @@ def test_mixed_is_accurate_when_incompressible(scratch: Path) -> None:
             tongue, tf.Tissue(tf.Yeoh(1037.0, 486.0, nu), 1000.0, tf.Rayleigh(20.0)), fixed=["wall"], gravity=(0, 0, -9.81), mixed=mixed
         )
         stepping = tf.Stepping(step_max=0.02, output_every=0.1, quasi_static=True)
-        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances.of("tight", rtol=1e-6)).run({}, 0.1, scratch)
+        run = tf.Simulation(model, probes=END, stepping=stepping, tolerances=tf.Tolerances.of("tight", rtol=1e-6)).run({}, 0.1)
         sag.append(-run.probes["end"][-1][2])
     assert sag[1] == pytest.approx(sag[0], rel=0.02)
     assert sag[2] < 0.95 * sag[3]
@@ -125,14 +125,14 @@ def test_forms_that_do_not_fit(block: tf.TongueMesh) -> None:
         tf.Model(block, fixed=["left"], moving={"jaw": motion})
 
 
-def test_smaller_tolerance_smaller_error(block: tf.TongueMesh, scratch: Path) -> None:
+def test_smaller_tolerance_smaller_error(block: tf.TongueMesh) -> None:
     """Steps grow and shrink with the motion, and the error follows the tolerance."""
 
     def simulate(tolerance: float | None, step: float) -> tf.Run:
         tissue = replace(tf.Tissue.calka(), law=tf.Tissue.buchaillard().law)
         model = tf.Model(block, tissue, fixed=["left"], gravity=(0, 0, -9.81), gravity_rise=0.02)
         stepping = tf.Stepping(step_max=step, output_every=0.3, tolerance=tolerance)
-        return tf.Simulation(model, probes=END, stepping=stepping).run({}, 0.3, scratch)
+        return tf.Simulation(model, probes=END, stepping=stepping).run({}, 0.3)
 
     exact = simulate(None, 2e-3).probes["end"][-1]
     coarse, fine = simulate(1e-2, 0.1), simulate(1e-3, 0.1)
@@ -148,6 +148,7 @@ def test_smaller_tolerance_smaller_error(block: tf.TongueMesh, scratch: Path) ->
 SCENARIO = """
 units = "mm"
 [mesh]
+unit = "m"
 file = "block.msh"
 [tissue]
 formulation = "mixed"

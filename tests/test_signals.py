@@ -90,7 +90,7 @@ def test_while_it_runs(command: list[str], tmp_path: Path) -> None:
     assert err.startswith("interrupted at t = ")
     assert err.endswith(f"everything so far is in {folder}, go on with --resume\n")
     (folder / "log.txt").unlink()
-    code, _, err = signalled(command, steps, signal.SIGTERM, signal.SIGINT)
+    code, _, err = signalled([*command, "--overwrite"], steps, signal.SIGTERM, signal.SIGINT)
     assert code in (130, 143)  # where the first had ended the run
     assert "Traceback" not in err
     text = f"set -o pipefail; {shlex.join([*command, *SHORT, '--resume'])} | head -c 1"

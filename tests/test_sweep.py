@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from test_cli import tongue as command
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.errors import InputError
+from tongue_fenicsx.forms import jit
 from tongue_fenicsx.studies import cases, designs, sweep_file
 from tongue_fenicsx.studies.plan import KILLED, OUTCOME, Plan
 from tongue_fenicsx.studies.pool import Standing, Workers
@@ -192,6 +193,15 @@ def test_dry_run(workspace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = workspace / "dry.toml"
     path.write_text(SWEEP + "[vary]\ntissue.nu = '0.3:0.45:4'")
     assert command(capsys, "sweep", path, "--dry-run") == (0, "run,tissue.nu\n0,0.3\n1,0.35\n2,0.4\n3,0.45\n")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _as_other_processes() -> Iterator[None]:
+    """Forms are compiled as in the processes that runs are compared with."""
+    here = jit.FLAGS[0]
+    jit.FLAGS[0] = "-O3"
+    yield
+    jit.FLAGS[0] = here
 
 
 @pytest.fixture(scope="module")

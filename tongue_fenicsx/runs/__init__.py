@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: MIT
 """What a run leaves, in a folder or in memory, and how it is read again."""
 
-__all__ = ["checkpoint", "figures", "history", "numbering", "run", "store", "writer", "xdmf"]
+__all__ = ["checkpoint", "claim", "figures", "history", "inputs", "log", "numbering", "reserved", "run", "store", "writer", "xdmf"]

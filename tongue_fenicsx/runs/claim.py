@@ -37,26 +37,32 @@ def claim(folder: Path, figures: Iterable[str], *, resume: bool, overwrite: bool
         If the folder cannot be written, another process writes there, it holds a run that is neither to go on nor to be replaced, or files
         in it that no run has left have the names that a run gives.
     """
-    check_outputs(folder / "figures")
-    check_outputs(folder, [LOCK, *RUN_FILES, *KEPT, *figures])
+    check_claim(folder, figures, resume=resume, overwrite=overwrite)
     lock = FileLock(folder / LOCK)
     try:
         lock.acquire(blocking=False)
     except Timeout as error:
         raise InputError(f"{folder}: another process writes a run there; wait for its end, or give another folder.") from error
     try:
-        has_run = any((folder / name).exists() for name in (FIELDS, LOG, SUMMARY, CHECKPOINT))
-        own = [name for name in KEPT if (folder / name).exists() and not has_run]
-        if own:
-            raise InputError(f"{folder / own[0]}: was not left by a run, which would replace it; give another folder.")
-        if not (resume or overwrite) and any((folder / name).exists() for name in (SUMMARY, CHECKPOINT)):
-            raise InputError(
-                f"{folder}: holds a run already, {_describe(folder / SUMMARY)}; overwrite (--overwrite) replaces it, "
-                "resume (--resume) goes on from its checkpoint, another folder leaves it."
-            )
+        check_claim(folder, figures, resume=resume, overwrite=overwrite)  # again: another may have ended a run since
         yield
     finally:
         lock.release()
+
+
+def check_claim(folder: Path, figures: Iterable[str], *, resume: bool, overwrite: bool) -> None:
+    """Raise what `claim` would raise now, for all that is in the folder."""
+    check_outputs(folder / "figures")
+    check_outputs(folder, [LOCK, *RUN_FILES, *KEPT, *figures])
+    has_run = any((folder / name).exists() for name in (FIELDS, LOG, SUMMARY, CHECKPOINT))
+    own = [name for name in KEPT if (folder / name).exists() and not has_run]
+    if own:
+        raise InputError(f"{folder / own[0]}: was not left by a run, which would replace it; give another folder.")
+    if not (resume or overwrite) and any((folder / name).exists() for name in (SUMMARY, CHECKPOINT)):
+        raise InputError(
+            f"{folder}: holds a run already, {_describe(folder / SUMMARY)}; overwrite (--overwrite) replaces it, "
+            "resume (--resume) goes on from its checkpoint, another folder leaves it."
+        )
 
 
 def _describe(summary: Path) -> str:
@@ -65,9 +71,3 @@ def _describe(summary: Path) -> str:
     with reading(summary, "the summary of a run"):
         found = json.loads(summary.read_text(encoding="utf-8"))
         return f"{found['status']} at t = {found['t_end']:g} s"
-
-
-def check_claim(folder: Path, figures: Iterable[str], *, resume: bool, overwrite: bool) -> None:
-    """Raise what `claim` would raise now."""
-    with claim(folder, figures, resume=resume, overwrite=overwrite):
-        pass

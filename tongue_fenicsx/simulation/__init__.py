@@ -2,6 +2,7 @@
 """The time loop: engine, steps, energies, and the quantities that a run leaves."""
 
 __all__ = [
+    "as_scenario",
     "diagnosis",
     "energy",
     "engine",

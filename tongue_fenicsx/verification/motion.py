@@ -160,7 +160,7 @@ def contraction(end: float = 0.35, step: float = 5e-3) -> Iterator[Row]:
         model = Model(TongueMesh.read(_tongue(home, 8e-3)))
         for refinement in (1, 2, 4):
             stepping = Stepping(step_max=step / refinement, output_every=end)
-            run = Simulation(model, stepping=stepping, tolerances=Tolerances.of("tight")).run({"GGP": ramp(0.1, 0.25)}, end, home / "run")
+            run = Simulation(model, stepping=stepping, tolerances=Tolerances.of("tight")).run({"GGP": ramp(0.1, 0.25)}, end)
             moved = np.hstack([run.probes[name] for name in ("tip", "dorsum", "root")])
             paths.append([np.interp(times, run.time, column) for column in moved.T])
             if refinement == 1:
@@ -220,7 +220,7 @@ def _on_ranks(n: int, home: Path, end: float, changes: tuple[str, ...] = ()) -> 
     """GGP on the tongue in `home`, run by `mpiexec` on `n` ranks."""
     scenario = write_scenario(home, end)
     options = [part for change in changes for part in ("--set", change)]
-    program = [sys.executable, "-m", "tongue_fenicsx", "run", scenario.name, "-o", f"on_{n}", *options]
+    program = [sys.executable, "-m", "tongue_fenicsx", "run", scenario.name, "-o", f"on_{n}", "--overwrite", *options]
     launcher = [] if n == 1 else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(n)]
     done = subprocess.run(
         [*launcher, *program], cwd=home, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=600, check=False
