@@ -55,7 +55,7 @@ def refused(capsys: pytest.CaptureFixture[str], folder: Path, *arguments: object
     """The one line with which a command is refused; whatever the folder holds stays as it is."""
 
     def content() -> dict[str, bytes]:
-        return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != ".lock"}
 
     before = content()
     with pytest.raises(SystemExit) as leaving:
