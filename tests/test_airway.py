@@ -67,7 +67,7 @@ def test_postures(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_no_airway(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A posture without a wall, and two of one name, are refused before anything runs."""
     path = tongue_file.parent / "free.toml"
-    path.write_text(LIVING.replace("[contact.palate]", ""))
+    path.write_text(LIVING.partition("[contact.palate]")[0])
     code, text = command(capsys, "postures", path, "-o", tmp_path)
     assert code == 2
     assert "none with a wall of the airway" in text
