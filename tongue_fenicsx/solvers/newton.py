@@ -172,9 +172,9 @@ class Newton:
             if self._suspension is not None:
                 residual += assemble(self._suspension)
             b.array[:] = residual if self._volume is None else np.concatenate([residual, self._volume.assemble()])
+            whole = b.norm()
             if self._bodies is not None:
                 self._bodies.residual(b)
-            whole = b.norm()
             b.array[self._weak.fixed_dofs] = 0.0
             rest = b.norm()
             self._borne = math.sqrt(max((whole - rest) * (whole + rest), 0.0))

@@ -57,7 +57,7 @@ def cases() -> list[Case]:
 
 
 def select(only: str | None, sample: int | None) -> list[Case]:
-    """The cases of a kind, and so many of them.
+    """The cases of a kind, and so many of them; one tissue after the other, for each has forms of its own.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def select(only: str | None, sample: int | None) -> list[Case]:
         raise InputError(f"--only {only}: one of {', '.join(kinds)} is expected.")
     if sample is not None and sample < 1:
         raise InputError(f"--sample {sample}: a positive number is expected.")
-    return [case for case in every if only in (None, case[0])][:sample]
+    return sorted([case for case in every if only in (None, case[0])][:sample], key=lambda case: str(case[2]["tissue.preset"]))
 
 
 def runs(chosen: Sequence[Case], mesh: Path, walls: Sequence[str]) -> list[tuple[Scenario, Change]]:
