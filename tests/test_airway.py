@@ -56,7 +56,7 @@ def test_postures(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert passage.distance[0].min() > 2.0
     palate = run.obstacles_at_rest["palate"]
     assert abs(palate.signed_distance(np.insert(1e-3 * passage.wall, 1, 0.0, axis=1))).max() < 1e-4
-    run.plot()
+    run.plot("airway")
     lines = (run.folder / "airway.csv").read_text().splitlines()
     assert lines[0] == "part,along_mm,x_mm,z_mm,distance_mm_0ms,distance_mm_30ms,distance_mm_60ms"
     last = np.array([float(line.split(",")[-1]) for line in lines[1:]])

@@ -89,7 +89,7 @@ def test_shape_parameters(parametric: tf.Anatomy, change: dict[str, float], figu
     assert value(other) - value(parametric) == pytest.approx(by, abs=0.0012)
     assert set(other.surface.edge_sharing()) == {2}
     for name, bone in other.bones.items():
-        assert bone.signed_distance(other.surface.points).min() > 0, name
+        assert bone.signed_distance(other.surface.points[::4]).min() > 0, name
     for muscle in other.muscles.values():
         middle = np.array([line[len(line) // 2] for line in muscle.fibres.lines])
         assert muscle.region(middle).mean() > 0.8, muscle.name

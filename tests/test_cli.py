@@ -194,7 +194,8 @@ def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFix
 def test_bad_input_leaves_a_finished_run_alone(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Whatever is refused, with or without --resume, not one byte of the run folder changes."""
     folder = tmp_path / "run"
-    assert tongue(capsys, "run", scenario, "-o", folder)[0] == 0
+    assert tongue(capsys, "run", scenario, "-o", folder, "--no-figures")[0] == 0
+    assert not list((folder / "figures").iterdir())
 
     def content() -> dict[str, bytes]:
         return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}

@@ -163,7 +163,7 @@ def test_command_lines(name: str, arguments: list[str]) -> None:
 @pytest.mark.parametrize(("name", "arguments"), commands("`"))
 def test_commands_in_sentences(name: str, arguments: list[str]) -> None:
     """The command is known, and so are the options that are spoken of."""
-    known = {option for parameter in COMMANDS[name].params for option in parameter.opts}
+    known = {option for parameter in COMMANDS[name].params for option in (*parameter.opts, *parameter.secondary_opts)}
     assert {word for word in arguments if word.startswith("-")} <= known
 
 

@@ -65,8 +65,7 @@ def test_of_a_run(tongue_file: Path) -> None:
     assert record.on[-1].sum() >= 2
     assert record.grid(-1).sum() == record.on[-1].sum()
     assert not electropalatogram(run, reach=-1e-3).on.any()
-    drawn = run.plot()
-    assert {"epg.png", "contact.png"} <= {picture.name for picture in drawn}
+    assert [picture.name for picture in (*run.plot("epg"), *run.plot("contact"))] == ["epg.png", "contact.png"]
     table = np.loadtxt(run.folder / "epg.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(table[:, 1:], record.on)
     assert (run.folder / "epg.csv").read_text().startswith("time_s,r1c2,")

@@ -40,7 +40,8 @@ def test_a_figure_of_the_user(run: tf.Run) -> None:
             assert path.stat().st_size > 500
         other = tf.Run(run.folder)
         del other.probes["tip"]
-        assert "tip_height.png" not in {path.name for path in other.plot()}
+        with pytest.raises(tf.InputError, match="no figure 'tip_height'"):
+            other.plot("tip_height")
     finally:
         del FIGURES["tip_height"]
 

@@ -32,7 +32,7 @@ def test_other_numbers_compile_nothing(block: tf.TongueMesh, tmp_path: Path, mon
             ),
             tf.Contraction(optimal_stretch=scale, tendon_length=1e-3 * scale),
             fixed=["left"],
-            contacts={"floor": tf.Contact(tf.Plane((0.0, 0.0, -1e-3 * scale), (0.0, 0.0, 1.0)))},
+            contacts={"floor": tf.Contact(tf.Plane((0.0, 0.0, -1e-3 * scale), (0.0, 0.0, 1.0)), "penalty")},
             gravity=(0.0, 0.0, -9.81 * scale),
         )
         stepping = tf.Stepping(step_max=2e-3 * scale, output_every=4e-3)

@@ -322,7 +322,7 @@ def test_a_scenario_is_kept_whole(tongue_file: Path, tmp_path: Path, capsys: pyt
 
     def call(*arguments: str) -> int:
         with pytest.raises(SystemExit) as ended:
-            main(["run", *arguments])
+            main(["run", "--no-figures", *arguments])
         return int(ended.value.code or 0)
 
     assert call(str(source / "run.toml"), "-o", str(tmp_path / "run")) == 0

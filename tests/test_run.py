@@ -220,7 +220,7 @@ def test_resume_on_another_number_of_ranks(tongue_file: Path, tmp_path: Path) ->
         f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.02\n[solver]\nrtol = 1e-9\nlinear = 1e-8\n'
         "[activation.GGP]\npieces = [[0.02, 0.0, 0.5]]\n"
     )
-    tongue = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o"]
+    tongue = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "--no-figures", "-o"]
     mpiexec = [str(Path(sys.executable).with_name("mpiexec")), "-n", "2"]
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PMI", "MPI", "HYDRA"))}
 

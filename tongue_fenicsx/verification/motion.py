@@ -220,7 +220,7 @@ def _on_ranks(n: int, home: Path, end: float, changes: tuple[str, ...] = ()) -> 
     """GGP on the tongue in `home`, run by `mpiexec` on `n` ranks."""
     scenario = write_scenario(home, end)
     options = [part for change in changes for part in ("--set", change)]
-    program = [sys.executable, "-m", "tongue_fenicsx", "run", scenario.name, "-o", f"on_{n}", "--overwrite", *options]
+    program = [sys.executable, "-m", "tongue_fenicsx", "run", scenario.name, "-o", f"on_{n}", "--overwrite", "--no-figures", *options]
     launcher = [] if n == 1 else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(n)]
     done = subprocess.run(
         [*launcher, *program], cwd=home, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=600, check=False

@@ -23,6 +23,7 @@ def run(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Run folder.")],
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the run that the folder holds.")] = False,
+    figures: Annotated[bool, typer.Option(help="Draw pictures of the finished run.")] = True,
     changes: Changes = None,
 ) -> None:
     """Run one simulation, also under mpiexec -n N."""
@@ -54,14 +55,17 @@ def run(
     except Paused as paused:
         raise Interrupted(paused.number, f"{paused}, go on with --resume") from None
     if comm.rank == 0:
+        pictures = result.plot() if figures else []
         _print_result(result)
+        if pictures:
+            console.print("pictures: " + ", ".join(map(str, pictures)))
+        console.print(f"fields for ParaView: {result.folder / 'fields.xdmf'}")
 
 
 def _print_result(run: Run) -> None:
-    """Draw the pictures of a run and print its main numbers."""
+    """Print the main numbers of a run."""
     from ...simulation.energy import warn
 
-    pictures = run.plot()
     s = run.summary
     for line in warn(s["energy_balance_error"]):
         console.print(line)
@@ -78,5 +82,3 @@ def _print_result(run: Run) -> None:
             f"  contact with {name}: up to {touch['force_max_N']:.2g} N on {1e6 * touch['area_max_m2']:.0f} mm², "
             f"{1e3 * touch['penetration_max_m']:.2g} mm deep"
         )
-    console.print("pictures: " + ", ".join(map(str, pictures)))
-    console.print(f"fields for ParaView: {run.folder / 'fields.xdmf'}")
