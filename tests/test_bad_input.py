@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,13 @@ from hypothesis import strategies as st
 import tongue_fenicsx as tf
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.geometry.surface import Surface, close_surface
+from tongue_fenicsx.mechanics.support import check_held
+from tongue_fenicsx.meshing.build import _write_h5 as write_h5
+from tongue_fenicsx.meshing.muscle_fields import MuscleField
+from tongue_fenicsx.meshing.tetrahedra import Tetrahedra
+from tongue_fenicsx.meshing.tongue_mesh import _read_h5 as read_h5
+from tongue_fenicsx.runs.figures import FIGURES
+from tongue_fenicsx.scenario.build import simulation_of
 from tongue_fenicsx.scenario.files import dump, load
 from tongue_fenicsx.testing import box
 
@@ -688,3 +695,119 @@ def test_obstacles(place: Path, capsys: pytest.CaptureFixture[str], surface: Cal
 def test_build_names_are_checked_first(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     """What is no name of a mesh is refused before the tongue is drawn."""
     assert "the mesh file must end in .msh" in refused(capsys, tmp_path, "build", "-o", tmp_path / name)
+
+
+def test_a_damaged_mesh_file_is_known(tmp_path: Path) -> None:
+    """Whatever bytes of the file beside a mesh are changed, it is read or refused, and no HDF5 library waits for ever: nothing that could
+    lead it in a circle is without a check sum."""
+    path = tmp_path / "tongue.h5"
+    mesh = Tetrahedra(np.eye(4, 3), np.array([[3, 0, 1, 2]]), np.array([[0, 1, 2]]), np.array(["free"]))
+    muscle = MuscleField(np.array([0]), np.arange(4), np.ones(4), np.tile([1.0, 0.0, 0.0], (4, 1)), np.ones(1), 1.0)
+    anatomy = tf.Anatomy(
+        "größte", Surface(np.eye(3), np.array([[0, 1, 2]])), {}, np.zeros(3), {"jaw": Surface(np.eye(3), np.array([[0, 1, 2]]))}
+    )
+    write_h5(anatomy, mesh, {"M1": muscle}, {"tip": np.zeros(3)}, path)
+    whole = path.read_bytes()
+    assert b"GCOL" not in whole  # the heap of texts of any length, in which it waited
+    assert b"TREE" not in whole
+    stored = read_h5(path)
+    assert stored is not None
+    assert stored["name"] == "größte"
+    rng = np.random.default_rng(1)
+    n_refused = 0
+    for _ in range(300):
+        spoiled = bytearray(whole)
+        for at in rng.integers(0, len(whole), 4):
+            spoiled[at] = rng.integers(0, 256)
+        path.write_bytes(spoiled)
+        n_refused += isinstance(attempt(lambda: read_h5(path)), tf.InputError)
+    assert n_refused > 30
+
+
+def run(folder: Path, capsys: pytest.CaptureFixture[str], text: str, *changes: str) -> tuple[int, str]:
+    """Exit code of a run into ``out``, and what it printed."""
+    path = folder / "run.toml"
+    path.write_text(text)
+    with pytest.raises(SystemExit) as leaving:
+        main(["run", str(path), "-o", str(folder / "out"), "--overwrite", *(part for change in changes for part in ("--set", change))])
+    out, err = capsys.readouterr()
+    return int(leaving.value.code or 0), out + err
+
+
+def test_round_off_and_many_probes(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An end within round-off of an output is that output; thousands of probes fit into a history."""
+    probes = "\n".join(f"p{i} = [0.01, 0.005, {1e-6 * i}]" for i in range(3000))
+    text = f"{SCENARIO.replace('0.01', '0.0200000005')}[probes]\n{probes}\n[gravity]\nposture = 'upright'"
+    code, said = run(place, capsys, text, "time.step=0.01")
+    assert code == 0, said
+    done = tf.Run(place / "out")
+    assert len(done.probes) == 3000
+    assert done.output_times == pytest.approx([0.0, 0.01, 0.02], abs=1e-8)
+
+
+def test_pictures_never_fail_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh away from y = 0 is cut in its middle; a picture that cannot be drawn is one line."""
+    mesh = Mesh.box()
+    mesh.points[:, 1] += 0.05
+    mesh.write(tmp_path / "block.msh")
+
+    def broken(run: tf.Run) -> Path:
+        raise ZeroDivisionError("no light")
+
+    monkeypatch.setitem(FIGURES, "view3d", replace(FIGURES["view3d"], draw=broken))
+    code, said = run(tmp_path, capsys, SCENARIO, "gravity.posture=upright", "time.step=0.01")
+    assert code == 0, said
+    assert "note: the picture view3d could not be drawn (ZeroDivisionError: no light); the run is whole" in said
+    assert (tmp_path / "out" / "figures" / "midsagittal.png").is_file()
+
+
+NOTES = [
+    ([], "nothing moves the tongue: neither an activation above 0, gravity, a load nor a moving bone is given"),
+    (["tissue.density=1.0"], "tissue.density: 1 kg/m³; soft tissue has about 1000"),
+    (
+        ["tissue.nu=0.475", PULL := "activation.passive.pieces=[[0.1,0,1]]"],
+        "tissue.nu: 0.475 lets active tissue shrink by some percent; 0.49 and",
+    ),
+    (["activation.passive.pieces=[[0.1,1,1]]"], "activation.passive jumps at 0 ms; excitation.rise lets it follow"),
+    (["activation.passive.pieces=[[1e-6,0,1]]"], "activation.passive jumps at 0 ms"),
+    (["activation.passive.pieces=[[0.005,0,0.5],[0.1,0.9,0.9]]"], "activation.passive jumps at 5 ms"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), NOTES, ids=[message[:40] for _, message in NOTES])
+def test_notes(place: Path, capsys: pytest.CaptureFixture[str], changes: list[str], message: str) -> None:
+    """What is accepted but may be a slip is said, and nothing else of it; a scenario without slips has no note."""
+    path = place / "notes.toml"
+    path.write_text(SCENARIO.replace("block.msh", "bar.msh"))
+
+    def notes(*some: str) -> list[str]:
+        with pytest.raises(SystemExit) as leaving:
+            main(["check", str(path), *(part for change in ("muscles.sigma_max.passive=1e4", *some) for part in ("--set", change))])
+        out, err = capsys.readouterr()
+        assert leaving.value.code == 0, err
+        return [line for line in out.splitlines() if line.startswith("note: ")]
+
+    assert notes(PULL) == []
+    assert notes("activation.passive.pieces=[[0.1,1,1]]", "excitation.rise=0.01") == []
+    (note,) = notes(*changes) if len(changes) != 1 or "density" not in changes[0] else notes(*changes, PULL)
+    assert message in note
+
+
+def test_nothing_holds_it(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An equilibrium on a frictionless plane has three free motions, in a cup three, in a box none; a body all bonded can touch nothing."""
+    path = place / "free.toml"
+    path.write_text(SCENARIO.replace('["left"]', "[]"))
+    plane = "contact.{}.plane={{point=[{},0,0],normal=[{},{},{}]}}"
+    floor = plane.format("floor", 0, 0, 0, 1)
+    said = refused(capsys, place, "check", path, "--set", floor, "--set", "time.quasi_static=true")
+    assert "time.quasi_static: nothing holds the tongue sideways, 3 rigid motions are free (along x and y, about z)" in said
+    check_held(load_model(path, [floor, plane.format("wall", 0, 1, 0, 0), plane.format("side", 0, 0, 1, 0)]))
+    everything = "boundary.fixed=['left','right','free']"
+    assert "contact: no surface can touch, as all of it is bonded" in refused(
+        capsys, place, "check", path, "--set", floor, "--set", everything
+    )
+
+
+def load_model(path: Path, changes: list[str]) -> tf.Model:
+    """The model of a scenario."""
+    return simulation_of(load(path, changes), path.parent).model

@@ -79,10 +79,11 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
     InputError
         If there is none.
     """
-    walls = {name: cut(surface) for name, surface in run.obstacles_at_rest.items() if name in WALLS}
+    grid = grids(run, 0)[0]
+    walls = {name: cut(surface, grid) for name, surface in run.obstacles_at_rest.items() if name in WALLS}
     if not walls:
         raise InputError(f"{run}: has no contact with a wall of the airway; one called {', '.join(WALLS)} is expected.")
-    rest = section(grids(run, 0)[0])
+    rest = section(grid)
     wall, part = _wall(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = arc_length(wall)
     outputs = range(len(run.output_times)) if outputs is None else outputs

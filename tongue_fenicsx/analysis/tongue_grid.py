@@ -30,9 +30,22 @@ def grids_at(run: Run, t: float) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGr
     u = 1e3 * field_at(run, "displacement", t)
     rest = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, 1e3 * points)
     rest["displacement"] = np.linalg.norm(u, axis=1)
+    rest.field_data["mid_plane"] = [_middle(rest.points[:, 1])]
     deformed = rest.copy()
     deformed.points = rest.points + u
     return rest, deformed
+
+
+def _middle(y: Floats) -> float:
+    """Where to cut a tongue whose nodes have these lateral coordinates (n,): at 0, or in the middle of one that lies to a side of it."""
+    low, high = float(y.min()), float(y.max())
+    middle = (low + high) / 2
+    return middle if abs(middle) > (high - low) / 4 else 0.0
+
+
+def mid_plane(grid: pv.UnstructuredGrid) -> float:
+    """The lateral coordinate in mm of the plane that cuts a grid of `grids_at` in the middle."""
+    return float(grid.field_data["mid_plane"][0])
 
 
 def skin(grid: pv.UnstructuredGrid, subdivision: int = 1) -> pv.PolyData:
@@ -42,7 +55,7 @@ def skin(grid: pv.UnstructuredGrid, subdivision: int = 1) -> pv.PolyData:
 
 def section(grid: pv.UnstructuredGrid) -> pv.PolyData:
     """Where the mid-sagittal plane cuts a grid, as triangles."""
-    return grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, 1e-4, 0.0)).triangulate()
+    return grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0)).triangulate()
 
 
 def outline(section: pv.PolyData) -> Floats:
@@ -52,9 +65,9 @@ def outline(section: pv.PolyData) -> Floats:
     return _lines(edges)
 
 
-def cut(surface: Surface) -> Floats:
-    """Where the mid-sagittal plane cuts a bone, lines (n, 2, 2) of x and z in mm."""
-    return 1e3 * _lines(surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-7, 0.0)))
+def cut(surface: Surface, grid: pv.UnstructuredGrid) -> Floats:
+    """Where the plane that cuts a grid in the middle cuts a bone, lines (n, 2, 2) of x and z in mm."""
+    return 1e3 * _lines(surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-3 * mid_plane(grid) + 1e-7, 0.0)))
 
 
 def _lines(edges: pv.PolyData) -> Floats:

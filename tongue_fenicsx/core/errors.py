@@ -61,7 +61,7 @@ def reading(path: Path, expected: str) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError, ArithmeticError) as error:
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, ArithmeticError) as error:
         said = getattr(error, "strerror", None) or error
         reason = "it is no text in UTF-8" if isinstance(error, UnicodeDecodeError) else " ".join(str(said).split())
         raise InputError(f"{path}: cannot be read ({reason[:200] or type(error).__name__}); {expected} is expected.") from error

@@ -286,6 +286,11 @@ def check_name(where: str, name: Any) -> None:
         raise InputError(f"{where}: {error}.") from error
 
 
+def text(value: str | bytes) -> str:
+    """A text of an HDF5 file, of fixed or of any length."""
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
 class _Within(ValueError):
     """The fault is in a part, which the sentence begins with."""
 

@@ -84,6 +84,8 @@ class WeakForm:
         self._fibre = _fibre_field(model, self.slots.places)
         self._surface_fibre = _fibre_field(model, Places.corners()) if nitsche else None
         facets = find_touchable_facets(model, self.V, self.supports) if model.contacts else np.empty(0, dtype=np.int32)
+        if model.contacts and mesh.comm.allreduce(len(facets)) == 0:
+            raise InputError("contact: no surface can touch, as all of it is bonded or beside what is; a free surface is expected.")
         self.contacts = ContactSet(self.u, facets, model.contacts)
         entries = {name: muscle.entry.facets for name, muscle in muscles.items() if muscle.entry is not None}
         crossed = [*entries.values(), *(tongue.facets([name]) for name in (*model.suspended, *model.loads))]

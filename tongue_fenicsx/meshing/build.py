@@ -167,8 +167,8 @@ def _write_msh(mesh: Tetrahedra, fields: dict[str, MuscleField], path: Path) -> 
 
 
 def _write_h5(anatomy: Anatomy, mesh: Tetrahedra, fields: dict[str, MuscleField], landmarks: dict[str, Floats], path: Path) -> None:
-    with h5py.File(path, "w") as file:
-        file.attrs["name"] = anatomy.name
+    with h5py.File(path, "w", libver="v110") as file:  # with check sums, so that a damaged file is known as one
+        file.attrs["name"] = np.bytes_(anatomy.name.encode())  # of fixed length: the heap of others has no check sum
         file.create_dataset("cells", data=mesh.cells.astype(np.int32), compression="gzip")
         for name, field in fields.items():
             group = file.create_group(f"muscles/{name}")

@@ -22,7 +22,7 @@ from ..core.errors import InputError, reading
 from ..core.fingerprint import digest, fingerprint
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
-from ..core.values import UNITS
+from ..core.values import UNITS, text
 from ..geometry.surface import Surface
 from . import build as meshing
 from . import gmsh_import as foreign
@@ -245,7 +245,7 @@ def _read_h5(path: Path) -> dict[str, Any] | None:
         return None
     with reading(path, "the undamaged fibre file of the mesh (tongue build writes both)"), h5py.File(path, "r") as file:
         stored = {
-            "name": str(file.attrs["name"]),
+            "name": text(file.attrs["name"]),
             "cells": file["cells"][:],
             "muscles": {name: _tree(group) for name, group in file.get("muscles", {}).items()},
             "bones": {name: Surface.read(group) for name, group in file.get("bones", {}).items()},

@@ -74,11 +74,12 @@ def _draw_contours(axes: Axes, comparison: Comparison, styles: Sequence[Style]) 
     """The mid-sagittal contours, the rest shape behind them, and the bones."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for run, t, (dash, colour) in zip(comparison.runs.values(), comparison.times, styles, strict=True):
-        rest, moved = (outline(section(grid)) for grid in grids_at(run, t))
+        grids = grids_at(run, t)
+        rest, moved = (outline(section(grid)) for grid in grids)
         axes.add_collection(LineCollection(rest, colors=REST, linewidths=1, zorder=1))
         axes.add_collection(LineCollection(moved, colors=colour, linestyles=dash, linewidths=1.5, zorder=2))
         for surface in obstacles_at(run, t).values():
-            axes.add_collection(LineCollection(cut(surface), colors=BONE, linestyles=dash, linewidths=1.3, zorder=0))
+            axes.add_collection(LineCollection(cut(surface, grids[0]), colors=BONE, linestyles=dash, linewidths=1.3, zorder=0))
         points = np.concatenate([rest, moved]).reshape(-1, 2)
         low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     axes.set(aspect="equal", xlim=(low[0] - 12, high[0] + 12), ylim=(low[1] - 6, high[1] + 12), xlabel=BACKWARD, ylabel="z in mm")

@@ -30,10 +30,11 @@ def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
     rows = figure.subplots(len(postures), 2, squeeze=False, width_ratios=[1, 1.4])
     for (name, settings), (plane, curve) in zip(postures.items(), rows, strict=True):
         first = settings["none"]
-        rest = outline(section(grids(first, 0)[0]))
+        grid = grids(first, 0)[0]
+        rest = outline(section(grid))
         plane.add_collection(LineCollection(rest, colors="0.6", linewidths=1.0, linestyles="--"))
         for surface in first.obstacles_at_rest.values():
-            plane.add_collection(LineCollection(cut(surface), colors=BONE, linewidths=1.6))
+            plane.add_collection(LineCollection(cut(surface, grid), colors=BONE, linewidths=1.6))
         passage = passages[name]["none"]
         curve.plot(passage.along, passage.distance[0], "--", color="0.6", label="at rest")
         contours = [rest]

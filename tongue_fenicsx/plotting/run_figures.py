@@ -31,7 +31,7 @@ PATHS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 DASHES = ("-", "--", ":")
 """Of more lines than there are colours."""
 PROBES = ("tip", "dorsum", "root")
-"""Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point."""
+"""Drawn by default, where the run has them: the tip, the palatal and the pharyngeal point; else the first probes."""
 
 
 def draw_midsagittal(run: Run, index: int | None = None) -> Path:
@@ -56,7 +56,7 @@ def draw_midsagittal(run: Run, index: int | None = None) -> Path:
         axes.set_aspect("equal")
         axes.set_xlabel(BACKWARD)
         for surface in run.obstacles(moment).values():
-            axes.add_collection(LineCollection(cut(surface), colors=BONE, linewidths=1.6))
+            axes.add_collection(LineCollection(cut(surface, rest), colors=BONE, linewidths=1.6))
     left.set_ylabel("z in mm")
     left.autoscale_view()
     if run.contact:  # bones reach far
@@ -84,7 +84,7 @@ def draw_view3d(run: Run, index: int | None = None) -> Path:
 def draw_trajectories(run: Run) -> Path:
     """Paths of tip, dorsum and root in the mid-sagittal plane (the chapter's Figure 4.6), and over time their displacement (Figure 4.7),
     tangential speed and curvature, as PNG and PDF."""
-    names = [name for name in PROBES if name in run.probes] or list(run.probes)
+    names = [name for name in PROBES if name in run.probes] or list(run.probes)[: len(PATHS)]
     figure = Figure(figsize=(12, 8.5), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=[1, 1.1])
     over_time, speeds, bends = below.subplots(1, 3)

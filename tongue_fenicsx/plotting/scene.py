@@ -151,7 +151,7 @@ class Scene:
             places = now.points[:, 0], now.points[:, 2], now.regular_faces
             colours = axes.tripcolor(*places, now["value"], cmap=self.colours.cmap, norm=self.colours.norm, **smooth)
             lines = [LineCollection(outline(now), colors="0.2", linewidths=1.2)]
-            lines += [LineCollection(cut(bone), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
+            lines += [LineCollection(cut(bone, self.rest), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
             drawn[:] = [colours, *map(axes.add_collection, lines)]
 
         yield show

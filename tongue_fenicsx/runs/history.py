@@ -74,7 +74,8 @@ class History:
             with h5py.File(target, "w", libver=("v108", "v110")) as file:  # attributes may be large
                 for name, column in self._columns.items():
                     file[name] = column[:room].swapaxes(0, 1) if name == "probes" else column[:room]
-                file["probes"].attrs.update({"names": list(self._probes), "rest": np.reshape(list(self._probes.values()), (-1, 3))})
+                names = np.array([name.encode() for name in self._probes], dtype=bytes)
+                file["probes"].attrs.update({"names": names, "rest": np.reshape(list(self._probes.values()), (-1, 3))})
                 self._reserved.note(file)
 
         self._store.replace(FILE, write)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.errors import InputError, check_outputs, reading
 from ..core.types import Floats, Ints
+from ..core.values import text
 from ..geometry.surface import Surface
 from .figures import FIGURES
 from .history import FILE, read_columns
@@ -69,7 +70,7 @@ class Run:
             raise InputError(f"{self}: holds no run ({FILE} is missing); a folder written by tongue run is expected.")
         with self.reading(FILE), self.store.open(FILE) as file:
             columns = read_columns(file)
-            names, rest = (file["probes"].attrs[key] for key in ("names", "rest"))
+            names, rest = list(map(text, file["probes"].attrs["names"])), file["probes"].attrs["rest"]
         parts: dict[str, dict[str, Floats]] = {}
         for path, column in columns.items():
             group, _, name = path.partition("/")

@@ -13,7 +13,7 @@ import tomli_w
 from mpi4py import MPI
 
 from ..anatomy.anatomy import Anatomy
-from ..anatomy.catalogue import resolve
+from ..anatomy.catalogue import peak_stress, resolve
 from ..anatomy.parametric.size import PRESETS
 from ..anatomy.parametric.tongue import parametric_tongue
 from ..anatomy.subject import read_subject
@@ -78,7 +78,7 @@ def inputs_of(scenario: Scenario, tongue: TongueMesh, link: bool = False) -> Inp
     source = ", ".join(f"{key} = {value}" for key, value in data["mesh"].items() if value)
     data["mesh"] = {"file": MESH} | ({"unit": s.mesh.unit} if s.mesh.unit else {})
     for name, section in s.contact.items():
-        if section.surface is not None and (suffix := Path(section.surface).suffix) in SUFFIXES:
+        if section.surface is not None and (suffix := Path(section.surface).suffix).lower() in SUFFIXES:
             data["contact"][name]["surface"] = f"surface-{name}{suffix}"
             files[f"surface-{name}{suffix}"] = copy_of(Path(section.surface))
     for name, course in s.activation.items():
@@ -164,7 +164,7 @@ class Workbench:
         if (s.probes, s.solver, s.output, _stepping(s)) != (last.probes, last.solver, last.output, _stepping(last)):
             simulation.close()
             return Simulation(model, s.probes, _stepping(s), s.solver.tolerances())
-        resolve_sides(OpenLoop(activation_of(s)), model)
+        _check_muscles(s, model)
         simulation.model = model
         return simulation
 
@@ -175,9 +175,15 @@ class Workbench:
             self._last = None
 
 
+def _check_muscles(s: Scenario, model: Model) -> None:
+    """Make sure that the mesh has the muscles that are activated, and that each has a peak stress."""
+    for names in resolve_sides(OpenLoop(activation_of(s)), model).values():
+        peak_stress(names, model.tissue.peak_stress)
+
+
 def _simulation(s: Scenario, tongue: TongueMesh) -> Simulation:
     model = _model(s, tongue)
-    resolve_sides(OpenLoop(activation_of(s)), model)
+    _check_muscles(s, model)
     return Simulation(model, s.probes, _stepping(s), s.solver.tolerances())
 
 

@@ -37,7 +37,8 @@ class Probes:
         self.names = list(points)
         self.rest: dict[str, Floats] = {}
         mesh = tongue.mesh
-        tree = geometry.bb_tree(mesh, 3, entities=np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+        owned = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+        trees = geometry.bb_tree(mesh, 3, entities=owned), geometry.create_midpoint_tree(mesh, 3, owned) if len(owned) else None
         self._owned: list[tuple[int, int, Floats]] = []  # of each probe in a cell of this rank: its row, the cell, its shape functions
         quadratic = basix.ufl.element("P", "tetrahedron", 2)
         for index, (name, where) in enumerate(points.items()):
@@ -51,7 +52,7 @@ class Probes:
             if point.shape != (3,) or not np.isfinite(point).all():
                 raise InputError(f"probes.{name}: three finite coordinates or the name of a landmark are expected.")
             self.rest[name] = point
-            cell, reference, distance = _nearest(mesh, tree, point)
+            cell, reference, distance = _nearest(mesh, *trees, point)
             nearest = mesh.comm.allgather(distance)
             if min(nearest) > 1e-3:
                 raise InputError(f"probes.{name}: the point lies {1e3 * min(nearest):.1f} mm outside the tongue; at most 1 mm is accepted.")
@@ -69,11 +70,10 @@ class Probes:
         return total
 
 
-def _nearest(mesh: Any, tree: Any, point: Floats) -> tuple[int, Floats, float]:
+def _nearest(mesh: Any, tree: Any, midpoints: Any, point: Floats) -> tuple[int, Floats, float]:
     """The owned cell nearest to a point, the reference coordinates of its nearest point, and the distance."""
-    if mesh.topology.index_map(3).size_local == 0:
+    if midpoints is None:
         return -1, np.zeros(3), math.inf
-    midpoints = geometry.create_midpoint_tree(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
     cell = int(geometry.compute_closest_entity(tree, midpoints, mesh, point.reshape(1, 3))[0])
     corners = mesh.geometry.x[mesh.geometry.dofmaps[0][cell]]
     vector = geometry.compute_distance_gjk(corners, point.reshape(1, 3))

@@ -18,6 +18,7 @@ from ..core.parallel import on_rank_zero
 from ..mechanics.activation import Course, FunctionOfTime
 from ..mechanics.control import Control, OpenLoop
 from ..mechanics.model import Model
+from ..mechanics.support import check_held
 from ..runs.claim import claim
 from ..runs.figures import figure_files
 from ..runs.inputs import KEPT, Inputs
@@ -57,7 +58,8 @@ class Simulation:
     Raises
     ------
     InputError
-        If a landmark is not in the mesh, a probe lies outside it, or a field to be stored is not registered.
+        If a landmark is not in the mesh, a probe lies outside it, a field to be stored is not registered, or nothing holds a quasi-static
+        tongue.
     """
 
     def __init__(
@@ -73,6 +75,8 @@ class Simulation:
         for name in self.stepping.fields:
             if name not in FIELDS:
                 raise InputError(f"output.fields: {name!r} is not one of {', '.join(FIELDS)}.")
+        if self.stepping.quasi_static:
+            check_held(model)
         self.probes = Probes(tongue, probes if probes is not None else {name: name for name in tongue.landmarks})
         self._engine: Engine | None = None
 

@@ -24,6 +24,10 @@ AT_ONCE = 1e-5
 """Time in s within which a kink is no milestone of its own: a step that short would turn a jump into a blow."""
 
 
+ROUND_OFF = 1e-6
+"""Time in s before the end within which an output is that of the end, as steps are not shorter."""
+
+
 class StepControl:
     """Chooses the steps of a run.
 
@@ -44,7 +48,8 @@ class StepControl:
         self.step, self.largest = step or stepping.longest, largest
         self._excess = 0.0
         every = stepping.output_every
-        self._milestones = [0.0, *(round(every * i, 12) for i in range(1, int(t_end / every) + 1)), round(t_end, 12)]
+        outputs = (round(every * i, 12) for i in range(1, int(t_end / every) + 1))
+        self._milestones = [0.0, *(time for time in outputs if time < t_end - ROUND_OFF), round(t_end, 12)]
         for kink in sorted(kinks):
             if 0 < kink < t_end and min(abs(kink - time) for time in self._milestones) > AT_ONCE:
                 self._milestones.append(round(kink, 12))

@@ -21,6 +21,7 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
     from ...forms.weak_form import WeakForm
     from ...mechanics.hyperelasticity import numbers
     from ...scenario import build as assemble
+    from ...scenario.remarks import remarks
 
     with tempfile.TemporaryDirectory() as folder, within(scenario):
         simulation = assemble.simulation_of(loaded, Path(folder))
@@ -40,4 +41,6 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
         console.print(f"{name} moves until {1e3 * max(motion.kinks):g} ms")
     for name, contact in model.contacts.items():
         console.print(f"contact with {name}: {contact.form}")
+    for remark in remarks(simulation, courses, loaded.time.end):
+        console.print(f"note: {remark}")
     console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.longest:g} ms")

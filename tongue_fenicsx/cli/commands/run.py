@@ -12,7 +12,7 @@ from ...core.errors import InputError, within
 from ...core.interruption import Interrupted, Paused
 from ..options import Changes, ScenarioFile
 from ..progress import ProgressBar
-from ..terminal import console
+from ..terminal import console, errors
 
 if TYPE_CHECKING:
     from ...runs.run import Run
@@ -40,6 +40,7 @@ def run(
     from ...runs.claim import check_claim
     from ...runs.figures import figure_files
     from ...scenario import build as assemble
+    from ...scenario.remarks import remarks
 
     comm = MPI.COMM_WORLD
     on_rank_zero(comm, lambda: check_claim(output, figure_files(), resume=resume, overwrite=overwrite))
@@ -47,6 +48,10 @@ def run(
         simulation = assemble.simulation_of(loaded, output, keep_mesh=resume)
         courses = assemble.activation_of(loaded)
         inputs = assemble.inputs_of(loaded, simulation.model.tongue)
+    said = remarks(simulation, courses, loaded.time.end)
+    if comm.rank == 0:
+        for remark in said:
+            console.print(f"note: {remark}")
     try:
         with ProgressBar(console, comm.rank == 0) as bar:
             result = simulation.run(
@@ -55,11 +60,27 @@ def run(
     except Paused as paused:
         raise Interrupted(paused.number, f"{paused}, go on with --resume") from None
     if comm.rank == 0:
-        pictures = result.plot() if figures else []
+        pictures = _draw(result) if figures else []
         _print_result(result)
         if pictures:
             console.print("pictures: " + ", ".join(map(str, pictures)))
         console.print(f"fields for ParaView: {result.folder / 'fields.xdmf'}")
+
+
+def _draw(run: Run) -> list[Path]:
+    """Draw the pictures of a run; one that cannot be drawn is said, as the run is whole without it."""
+    from ...runs.figures import FIGURES
+
+    pictures = []
+    for name in [name for name, figure in FIGURES.items() if figure.applies(run)]:
+        try:
+            pictures += run.plot(name)
+        except Exception as error:  # of any library that draws
+            reason = " ".join(str(error).split())[:200]
+            errors.print(
+                f"note: the picture {name} could not be drawn ({type(error).__name__}: {reason}); the run is whole, see tongue plot."
+            )
+    return pictures
 
 
 def _print_result(run: Run) -> None:
