@@ -20,13 +20,13 @@ from tongue_fenicsx.core.tables import markdown
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.schema import Scenario
 from tongue_fenicsx.solvers.tolerances import ACCURACIES, Tolerances
+from tongue_fenicsx.studies.atlas import MUSCLES
 from tongue_fenicsx.studies.single_muscle import CONTACT, walls_in
 
 from . import measure
 from .__main__ import FOLDER, say
 
 POINTS = ("tip", "dorsum", "root")
-ELEVEN = ("GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS", "GH", "MH")
 END = 0.2
 
 
@@ -36,9 +36,9 @@ def _up(level: float, rise: float = 0.1) -> dict[str, Any]:
 
 def _random(seed: int, largest: float = 0.5) -> dict[str, Any]:
     """All muscles from level to level every 50 ms."""
-    levels = np.random.default_rng(seed).uniform(0.0, largest, (len(ELEVEN), 4)).round(3).tolist()
+    levels = np.random.default_rng(seed).uniform(0.0, largest, (len(MUSCLES), 4)).round(3).tolist()
     return {
-        name: {"pieces": [(0.05, a, b) for a, b in zip([0.0, *row], row, strict=False)]} for name, row in zip(ELEVEN, levels, strict=True)
+        name: {"pieces": [(0.05, a, b) for a, b in zip([0.0, *row], row, strict=False)]} for name, row in zip(MUSCLES, levels, strict=True)
     }
 
 

@@ -19,12 +19,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from tongue_fenicsx.analysis.tables import FILE as TABLE
 from tongue_fenicsx.core.tables import markdown
 from tongue_fenicsx.solvers import newton
 from tongue_fenicsx.solvers.linear import LinearSolvers
 from tongue_fenicsx.studies import stress, sweep
 from tongue_fenicsx.studies.pool import Workers
-from tongue_fenicsx.studies.run_table import TABLE, TIMING
+from tongue_fenicsx.studies.run_table import TIMING
 from tongue_fenicsx.studies.single_muscle import mesh_of, walls_in
 
 

@@ -15,6 +15,7 @@ from conftest import LIVING
 import tongue_fenicsx as tf
 from tongue_fenicsx.scenario.build import Workbench, activation_of
 from tongue_fenicsx.studies import cases, stress
+from tongue_fenicsx.studies.atlas import MUSCLES
 
 GOLD = json.loads(Path(__file__).with_name("gold.json").read_text(encoding="utf-8"))
 MARGIN = 1.2
@@ -37,7 +38,7 @@ def test_scenarios(tongue_file: Path) -> None:
     chosen = stress.select(None, 40)
     for (scenario, told), (kind, name, _) in zip(stress.runs(chosen, tongue_file, ["palate"]), chosen, strict=True):
         assert told == {"kind": kind, "case": name}
-        assert set(scenario.activation) == set(stress.MUSCLES)
+        assert set(scenario.activation) == set(MUSCLES)
         assert list(scenario.contact) == ["palate"]
         tissue = scenario.tissue.model_dump()
         assert f"{tissue['preset']} {tissue['nu']:g}" in name

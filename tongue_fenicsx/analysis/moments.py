@@ -64,8 +64,4 @@ def pose_at(run: Run, obstacle: str, t: float) -> tuple[Floats, Floats]:
 
 def obstacles_at(run: Run, t: float) -> dict[str, Surface]:
     """The surfaces of the obstacles where they are at a time in s."""
-
-    def place(surface: Surface, rotation: Floats, offset: Floats) -> Surface:
-        return surface.transform(lambda X: X @ rotation.T + offset)
-
-    return {name: place(surface, *pose_at(run, name, t)) for name, surface in run.obstacles_at_rest.items()}
+    return {name: surface.moved(*pose_at(run, name, t)) for name, surface in run.obstacles_at_rest.items()}

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: MIT
 """What every room needs: errors, ranks, values that check themselves, fingerprints."""
 
-__all__ = ["cache", "errors", "fingerprint", "interruption", "memory", "parallel", "pieces", "tables", "types", "values", "versions"]
+__all__ = [
+    "cache",
+    "errors",
+    "files",
+    "fingerprint",
+    "interruption",
+    "memory",
+    "parallel",
+    "pieces",
+    "tables",
+    "types",
+    "values",
+    "versions",
+]

@@ -143,7 +143,7 @@ class Moved:
     @property
     def surface(self) -> Surface:
         """Where its surface is now."""
-        return self.obstacle.surface.transform(lambda X: X @ self.rotation.T + self.offset)
+        return self.obstacle.surface.moved(self.rotation, self.offset)
 
     def evaluate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """See `Obstacle.evaluate`, at points in space."""

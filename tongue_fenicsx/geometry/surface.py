@@ -119,6 +119,10 @@ class Surface:
         """The surface with every vertex mapped."""
         return Surface(mapping(self.points), self.triangles, self.labels)
 
+    def moved(self, rotation: Floats, offset: Floats) -> Surface:
+        """The surface as a rigid body that is moved: what was at X is at R X + offset, R (3, 3), offset (3,) in m."""
+        return self.transform(lambda X: X @ rotation.T + offset)
+
     def signed_distance(self, points: Floats) -> Floats:
         """Distance of each point, (n, 3), to the surface, (n,), positive on the side its normals point to.
 

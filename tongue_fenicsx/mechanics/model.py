@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Annotated
 
 import numpy as np
-from mpi4py import MPI
 
 from ..anatomy.anatomy import Anatomy
 from ..anatomy.catalogue import CATALOGUE, base_name, resolve
@@ -122,9 +121,7 @@ class Model:
 
     def _grid(self) -> Floats:
         """Points (1000, 3) in m all over the box around the mesh, the same on all ranks."""
-        x, comm = self.tongue.mesh.geometry.x, self.tongue.comm
-        low = comm.allreduce(x.min(axis=0, initial=np.inf), op=MPI.MIN)
-        high = comm.allreduce(x.max(axis=0, initial=-np.inf), op=MPI.MAX)
+        low, high = self.tongue.box
         shares = np.stack(np.meshgrid(*3 * [np.linspace(0, 1, 10)]), axis=-1).reshape(-1, 3)
         return np.asarray(low + shares * (high - low))
 

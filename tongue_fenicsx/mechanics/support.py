@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+from mpi4py import MPI
 
 from ..core.errors import InputError
 from .model import Model
@@ -25,12 +26,12 @@ def check_held(model: Model) -> None:
     tongue = model.tongue
     if tongue.comm.allreduce(len(tongue.facets(model.bonded))) > 0:
         return
-    x = tongue.mesh.geometry.x
-    centre, size = x.mean(axis=0), np.ptp(x, axis=0).max()
+    x, (low, high) = tongue.mesh.geometry.x, tongue.box
+    centre, size = (low + high) / 2, (high - low).max()
     rows = []
     for contact in model.contacts.values():
         gap, normal, _ = contact.obstacle.evaluate(x)
-        near = gap < min(NEAR, gap.min() + NEAR)
+        near = gap < min(NEAR, tongue.comm.allreduce(gap.min(initial=np.inf), op=MPI.MIN) + NEAR)
         rows.append(np.hstack([normal, np.cross((x - centre) / size, normal)])[near])
     supports = np.concatenate([part for parts in tongue.comm.allgather(rows) for part in parts])
     stiffness, motions = np.linalg.eigh(supports.T @ supports)

@@ -10,7 +10,7 @@ figures an anatomist asks for. A cell is counted to a muscle when at least half 
 from __future__ import annotations
 
 import json
-import os
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..anatomy import catalogue as muscle_facts
 from ..anatomy.anatomy import Anatomy, gaps, measure
 from ..core.errors import InputError, check_outputs
+from ..core.files import at_once
 from ..core.types import Floats
 from .muscle_fields import MuscleField, direction_errors, project_muscles
 from .tetrahedra import Tetrahedra, tetrahedralise
@@ -56,42 +57,41 @@ def build(anatomy: Anatomy, path: Path, size: float) -> dict[str, Any]:
     shape = measure(anatomy.surface, anatomy.genial_spine)
     surface_nodes = mesh.points[np.unique(mesh.facets)]
     landmarks = {name: surface_nodes[np.argmin(((surface_nodes - p) ** 2).sum(axis=1))] for name, p in shape.landmarks.items()}
-    partial = [file.with_name(f".partial-{file.name}") for file in files]
-    owned, quality = _write_msh(mesh, fields, partial[0])
-    _write_h5(anatomy, mesh, fields, landmarks, partial[1])
     errors = direction_errors(anatomy, mesh, fields)
-    figures = {
-        "name": anatomy.name,
-        "origin_m": anatomy.genial_spine.tolist(),
-        "volume_m3": float(mesh.volumes.sum()),
-        "proper_volume_m3": shape.proper_volume,
-        "arc_length_m": shape.arc_length,
-        "chord_m": shape.chord,
-        "width_m": shape.width,
-        "midsagittal_area_m2": shape.midsagittal_area,
-        "gaps_m": gaps(anatomy, shape),
-        "bones_m": {name: np.ptp(bone.points, axis=0).tolist() for name, bone in anatomy.bones.items()},
-        "n_nodes": mesh.n_quadratic_nodes,
-        "n_cells": len(mesh.cells),
-        "min_sicn": quality,
-        "muscles": {
-            name: {
-                "volume_m3": field.volume,
-                "measured_volume_m3": anatomy.muscles[name].measured_volume,
-                "n_cells": int(owned[name].sum()),
-                "mean_length_m": anatomy.fibre_length(name),
-                "direction_error_deg": errors[name],
-                "pcsa_m2": anatomy.muscles[name].pcsa,
-                **_facts(name),
-            }
-            for name, field in fields.items()
-        },
-        "landmarks": {name: p.tolist() for name, p in landmarks.items()},
-        "notes": anatomy.notes,
-    }
-    partial[2].write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    for written, file in reversed(list(zip(partial, files, strict=True))):  # what lies beside the mesh first: it is there when all is
-        os.replace(written, file)
+    with ExitStack() as stack:  # what lies beside the mesh is put in place first: it is there when the mesh is
+        msh, h5, beside = (stack.enter_context(at_once(file)) for file in files)
+        owned, quality = _write_msh(mesh, fields, msh)
+        _write_h5(anatomy, mesh, fields, landmarks, h5)
+        figures = {
+            "name": anatomy.name,
+            "origin_m": anatomy.genial_spine.tolist(),
+            "volume_m3": float(mesh.volumes.sum()),
+            "proper_volume_m3": shape.proper_volume,
+            "arc_length_m": shape.arc_length,
+            "chord_m": shape.chord,
+            "width_m": shape.width,
+            "midsagittal_area_m2": shape.midsagittal_area,
+            "gaps_m": gaps(anatomy, shape),
+            "bones_m": {name: np.ptp(bone.points, axis=0).tolist() for name, bone in anatomy.bones.items()},
+            "n_nodes": mesh.n_quadratic_nodes,
+            "n_cells": len(mesh.cells),
+            "min_sicn": quality,
+            "muscles": {
+                name: {
+                    "volume_m3": field.volume,
+                    "measured_volume_m3": anatomy.muscles[name].measured_volume,
+                    "n_cells": int(owned[name].sum()),
+                    "mean_length_m": anatomy.fibre_length(name),
+                    "direction_error_deg": errors[name],
+                    "pcsa_m2": anatomy.muscles[name].pcsa,
+                    **_facts(name),
+                }
+                for name, field in fields.items()
+            },
+            "landmarks": {name: p.tolist() for name, p in landmarks.items()},
+            "notes": anatomy.notes,
+        }
+        beside.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     return figures
 
 

@@ -148,6 +148,13 @@ class TongueMesh:
         return str(self.comm.bcast(fingerprint(parts)))
 
     @property
+    def box(self) -> tuple[Floats, Floats]:
+        """Least and greatest coordinates (3,) in m; to be asked for by all ranks at once."""
+        x = self.mesh.geometry.x
+        ends = np.array(self.comm.allgather((x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf))))
+        return ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+
+    @property
     def comm(self) -> MPI.Intracomm:
         """The communicator of the mesh."""
         return self.mesh.comm

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from PIL import Image
 
 from ..analysis.moments import check_moment
 from ..core.errors import InputError
+from ..core.files import at_once
 from ..runs.run import Run
 from .scene import VIEWS, stage
 
@@ -88,12 +88,8 @@ def draw_movie(
                 yield np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
                 report(number, len(times))
 
-    partial = path.with_name(f".partial-{path.name}")
-    try:
+    with at_once(path) as partial:
         WRITERS[path.suffix](partial, frames(), fps)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 

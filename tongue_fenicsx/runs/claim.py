@@ -11,6 +11,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from ..core.errors import InputError, check_outputs, reading
+from ..core.files import PARTIAL
 from .checkpoint import FILE as CHECKPOINT
 from .inputs import KEPT
 from .writer import FIELDS, LOG, RUN_FILES, SUMMARY
@@ -45,6 +46,8 @@ def claim(folder: Path, figures: Iterable[str], *, resume: bool, overwrite: bool
         raise InputError(f"{folder}: another process writes a run there; wait for its end, or give another folder.") from error
     try:
         check_claim(folder, figures, resume=resume, overwrite=overwrite)  # again: another may have ended a run since
+        for left in folder.glob(f"{PARTIAL}*"):  # by a process that was killed
+            left.unlink()
         yield
     finally:
         lock.release()

@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..core.files import at_once
+
 SCENARIO = "scenario.toml"
 MESH = "mesh.msh"
 KEPT = (SCENARIO, MESH, "mesh.h5", "mesh.json", "mesh.fibres.json")
@@ -37,9 +39,8 @@ class Inputs:
             path.write_text(self.scenario, encoding="utf-8")
 
         for name, write in {**self.files, SCENARIO: write_scenario}.items():
-            temporary = folder / f"partial-{name}"
-            write(temporary)
-            os.replace(temporary, folder / name)
+            with at_once(folder / name) as path:
+                write(path)
 
 
 def mesh_files(path: Path, link: bool = False) -> dict[str, Callable[[Path], object]]:
@@ -52,7 +53,6 @@ def copy_of(source: Path, link: bool = False) -> Callable[[Path], object]:
     """What writes a copy of a file, or a hard link to it if that can be."""
 
     def write(target: Path) -> None:
-        target.unlink(missing_ok=True)
         if link and source.stat().st_dev == target.parent.stat().st_dev:
             os.link(source, target)
         else:

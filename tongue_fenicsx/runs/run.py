@@ -169,11 +169,7 @@ class Run:
 
     def obstacles(self, index: int = -1) -> dict[str, Surface]:
         """The surfaces of the obstacles where they are at the output `index`."""
-
-        def place(surface: Surface, rotation: Floats, offset: Floats) -> Surface:
-            return surface.transform(lambda X: X @ rotation.T + offset)
-
-        return {name: place(surface, *self.pose(name, index)) for name, surface in self.obstacles_at_rest.items()}
+        return {name: surface.moved(*self.pose(name, index)) for name, surface in self.obstacles_at_rest.items()}
 
     def plot(self, *names: str) -> list[Path]:
         """Draw figures into ``figures/``, with their tables beside it, and return the pictures.

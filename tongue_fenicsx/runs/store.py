@@ -15,6 +15,8 @@ from typing import BinaryIO, Protocol
 
 import h5py
 
+from ..core.files import at_once
+
 
 class Store(Protocol):
     """A place for named files."""
@@ -61,30 +63,18 @@ class Folder:
         """As of `Store`."""
         whole = io.BytesIO()
         write(whole)
-        self._put(name, lambda path: path.write_bytes(whole.getbuffer()))
+        with at_once(self.path / name) as path:
+            path.write_bytes(whole.getbuffer())
 
     def make(self, name: str, write: Callable[[h5py.File], object], room: int) -> None:
         """As of `Store`; the disk space is taken before HDF5, which does not survive the want of it, writes."""
-
-        def put(path: Path) -> None:
-            with open(path, "wb") as file:
-                os.posix_fallocate(file.fileno(), 0, room)
+        with at_once(self.path / name) as path:
+            with open(path, "wb") as target:
+                os.posix_fallocate(target.fileno(), 0, room)
             with h5py.File(path, "w", locking=False) as file:
                 write(file)
-            with open(path, "rb+") as file:
-                os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-
-        self._put(name, put)
-
-    def _put(self, name: str, write: Callable[[Path], object]) -> None:
-        path = self.path / name
-        temporary = path.with_name(f"{name}.partial")
-        try:
-            write(temporary)
-            os.replace(temporary, path)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
+            with open(path, "rb+") as target:
+                os.posix_fallocate(target.fileno(), 0, path.stat().st_size)
 
     def write_at(self, name: str, at: int, data: bytes) -> None:
         """As of `Store`."""

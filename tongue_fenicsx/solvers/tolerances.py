@@ -45,7 +45,8 @@ class Tolerances:
         Parameters
         ----------
         accuracy : str
-            ``"trajectory"``: within 1 % of a quarter of the step with tight tolerances; ``"tight"``; ``"preview"``: coarser.
+            ``"trajectory"``: within 1 % of a quarter of the step with tight tolerances, but where soft tissue slips on bone
+            (docs/performance.md); ``"tight"``; ``"preview"``: coarser.
         **given
             Attributes.
 

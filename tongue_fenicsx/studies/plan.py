@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -17,11 +16,12 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..core.errors import InputError
+from ..core.files import at_once
 from ..core.fingerprint import digest, fingerprint
 from ..scenario.schema import Scenario
 
 PLAN, OUTCOME, CLAIMS, LOGS = "plan.json", "outcome.json", "claims", "logs"
-DONE, FAILED, KILLED = "done", "failed", "killed"
+FAILED, KILLED = "failed", "killed"
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,8 @@ class Plan:
                 (self.folder / case.name / OUTCOME).unlink(missing_ok=True)
         for name in (CLAIMS, LOGS):
             (self.folder / name).mkdir(exist_ok=True)
-        replace(self.folder / PLAN, json.dumps([asdict(case) for case in self.cases], default=float))
+        with at_once(self.folder / PLAN) as path:
+            path.write_text(json.dumps([asdict(case) for case in self.cases], default=float), encoding="utf-8")
 
     def outcome(self, case: Case) -> Outcome | None:
         """How a run ended; None if it did not."""
@@ -125,7 +126,8 @@ class Plan:
     def conclude(self, case: Case, outcome: Outcome) -> None:
         """Write how a run ended."""
         (self.folder / case.name).mkdir(parents=True, exist_ok=True)
-        replace(self.folder / case.name / OUTCOME, json.dumps(asdict(outcome)))
+        with at_once(self.folder / case.name / OUTCOME) as path:
+            path.write_text(json.dumps(asdict(outcome)), encoding="utf-8")
 
     def claim(self, pending: list[Case]) -> tuple[Case, FileLock] | None:
         """The first of these cases that is neither over nor at work elsewhere, and the lock that keeps others from it, which dies with
@@ -161,10 +163,3 @@ def forget(folder: Path) -> None:
     """Let a run begin anew."""
     for name in (OUTCOME, "checkpoint.h5"):
         (folder / name).unlink(missing_ok=True)
-
-
-def replace(path: Path, text: str) -> None:
-    """Write a file at once: readers see the old one until it is whole."""
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)

@@ -16,6 +16,8 @@ from typing import Any
 from filelock import FileLock
 from mpi4py import MPI
 
+from ..analysis.tables import DONE
+from ..analysis.tables import FILE as TABLE
 from ..core.errors import InputError, SolveError, check_outputs
 from ..core.fingerprint import fingerprint
 from ..core.interruption import Interrupted, interruptible
@@ -25,8 +27,8 @@ from ..runs.run import Run
 from ..scenario.build import Workbench, anatomy_of, size_of
 from ..scenario.schema import MeshSection, Scenario
 from . import worker
-from .plan import DONE, KILLED, LOGS, PLAN, Case, Outcome, Plan
-from .run_table import TABLE, TIMING, RunTable
+from .plan import KILLED, LOGS, PLAN, Case, Outcome, Plan
+from .run_table import TIMING, RunTable
 from .worker import News, Worker
 
 LAUNCHER = ("PMI", "MPI", "OMPI", "HYDRA")

@@ -14,12 +14,15 @@ from typing import Any
 import h5py
 import numpy as np
 
+from ..analysis.tables import DONE
+from ..analysis.tables import FILE as TABLE
+from ..core.files import at_once
 from ..core.fingerprint import fingerprint
 from ..runs.run import Run
 from .designs import cell, csv_text
-from .plan import DONE, Case, Outcome, Plan, replace
+from .plan import Case, Outcome, Plan
 
-TABLE, TIMING, FIELDS = "table.csv", "timing.csv", "fields.h5"
+TIMING, FIELDS = "timing.csv", "fields.h5"
 NUMBERS = (
     "t_end", "n_steps", "n_rejected", "newton_iterations", "krylov_iterations", "volume_change_max", "min_jacobian",
     "hencky_von_mises_max", "peak_speed_m_s", "energy_balance_error", "contact_force_max_N",
@@ -50,7 +53,9 @@ class RunTable:
         """Write both anew from the run folders."""
         rows = [self._rows(case, outcome) for case, outcome in self._plan.over()]
         for name, columns in self._columns.items():
-            replace(self._plan.folder / name, csv_text([columns, *([row[name].get(key, "") for key in columns] for row in rows)]))
+            with at_once(self._plan.folder / name) as path:
+                lines = [columns, *([row[name].get(key, "") for key in columns] for row in rows)]
+                path.write_text(csv_text(lines), encoding="utf-8")
 
     def append(self, case: Case, outcome: Outcome) -> None:
         """Add the row of a run that has ended to both."""
@@ -100,8 +105,7 @@ def write_fields(plan: Plan) -> str:
     points, cells = next(iter(runs.values())).mesh
     muscles = list(dict.fromkeys(name for run in runs.values() for name in run.activation))
     n_out = max(len(run.output_times) for run in runs.values())
-    partial = path.with_name(f"{FIELDS}.{os.getpid()}.partial")
-    with h5py.File(partial, "w") as file:
+    with at_once(path) as partial, h5py.File(partial, "w") as file:
         file.attrs["made_of"] = made_of
         file["mesh/points"], file["mesh/cells"] = points, cells.astype(np.int32)
         n = len(over)
@@ -125,5 +129,4 @@ def write_fields(plan: Plan) -> str:
             displacement[index, : len(times)] = [run.field("displacement", i) for i in range(len(times))]
             activation[index, : len(times)] = np.column_stack([run.activation[name][rows] for name in muscles]) if muscles else 0
             time[index, : len(times)] = times
-    os.replace(partial, path)
     return f"{FIELDS}: {len(done)} of {n} runs, {path.stat().st_size / 1e6:.0f} MB"

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.tables import DONE
 from ..core.errors import InputError
 from ..core.tables import markdown
 from ..scenario.schema import Scenario
 from . import designs
+from .atlas import MUSCLES
 from .cases import scenarios
 from .designs import Change
-from .plan import DONE
 from .single_muscle import CONTACT
 
 FILES = ("stress.md",)
-MUSCLES = ("GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS", "GH", "MH")
 TISSUES, RATIOS = ("calka", "buchaillard"), (0.49, 0.499)
 ANTAGONISTS = (("GGP", "HG"), ("GGP", "SG"), ("GGA", "SL"), ("SL", "IL"), ("TRANS", "VERT"), ("SG", "HG"), ("MH", "HG"), ("GGM", "SG"))
 RISING = (("MH", "GGP"), ("MH", "GGP", "SL"), ("MH", "SG"), ("MH", "GGP", "GGM", "SG"))

@@ -10,14 +10,16 @@ from typing import Any
 
 from mpi4py import MPI
 
+from ..analysis.tables import DONE
+from ..analysis.tables import FILE as TABLE
 from ..core.parallel import on_rank_zero
 from ..scenario.files import read_toml
 from ..scenario.schema import Scenario
 from .cases import scenarios
 from .designs import Change
-from .plan import DONE, FAILED, KILLED, Plan
+from .plan import FAILED, KILLED, Plan
 from .pool import Workers, perform
-from .run_table import TABLE, write_fields
+from .run_table import write_fields
 
 
 def sweep(base: str | Path | Mapping[str, Any], design: Sequence[Change], output: str | Path, **options: Any) -> Path:

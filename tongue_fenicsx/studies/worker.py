@@ -20,13 +20,14 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from ..analysis.tables import DONE
 from ..core.errors import InputError, SolveError
 from ..core.parallel import on_rank_zero
 from ..runs.run import Run
 from ..scenario.build import Workbench, activation_of, inputs_of
 from ..scenario.schema import Scenario
 from ..simulation.stepping import Progress
-from .plan import DONE, FAILED, LOGS, Case, Outcome, Plan
+from .plan import FAILED, LOGS, Case, Outcome, Plan
 from .run_table import RunTable
 
 PATIENCE = 0.5

@@ -84,11 +84,11 @@ def _verify_cases(only: str | None) -> bool:
 
 def _verify_stress(only: str | None, sample: int | None, mesh: Path | None, output: Path | None, jobs: int, overwrite: bool) -> bool:
     """Print the stress set by kind, and what failed; say whether enough of it reaches the end."""
+    from ...analysis.tables import FILE as TABLE
     from ...studies import single_muscle as solo
     from ...studies import stress as study
     from ...studies import sweep
     from ...studies.pool import Workers
-    from ...studies.run_table import TABLE
 
     chosen = study.select(only, sample)
 
