@@ -14,6 +14,8 @@ import pyvista as pv
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.geometry.obstacles import Plane
+from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.testing import with_fibres
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -96,3 +98,13 @@ def test_descending_limb(block: tf.TongueMesh) -> None:
     stepping = tf.Stepping(step_max=0.02, step_min=5e-3, output_every=0.1, quasi_static=True)
     with pytest.raises(tf.SolveError, match=r"Fibres of GGP_L \(stretch up to 1\.\d\d\) are on the descending limb .* time.quasi_static"):
         tf.Simulation(model, {}, stepping).run({"GGP_L": tf.Activation([(0.1, 0.0, 0.0), (0.1, 0.0, 1.0)])}, 0.2)
+
+
+@pytest.mark.parallel
+def test_nothing_holds_it(block: tf.TongueMesh) -> None:
+    """A block that stands on a smooth floor may slide and turn, on any number of ranks; a wall and another hold it."""
+    back, side, floor = (Contact(Plane((0.0, 0.0, 0.0), (float(x), float(y), float(z)))) for x, y, z in np.eye(3))
+    still = tf.Stepping(quasi_static=True)
+    with pytest.raises(tf.InputError, match=r"nothing holds .* 3 rigid motions are free \(along x and y, about z\)"):
+        tf.Simulation(tf.Model(block, fixed=[], contacts={"floor": floor}), {}, still)
+    tf.Simulation(tf.Model(block, fixed=[], contacts={"floor": floor, "back": back, "side": side}), {}, still)
