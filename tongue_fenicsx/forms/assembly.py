@@ -11,8 +11,8 @@ from dolfinx import fem, la
 from ..core.types import Floats
 
 
-class PackedForm:
-    """A vector form over cells, of whose coefficients only some change from one assembly to the next.
+class Packed:
+    """Coefficients and constants of a form over cells, of which only some change from one assembly to the next.
 
     Parameters
     ----------
@@ -20,10 +20,15 @@ class PackedForm:
         Compiled; integrals over all cells only.
     changing : sequence of fem.Function
         Coefficients that change; the others are read by `repack`.
+
+    Attributes
+    ----------
+    constants, coefficients
+        As DOLFINx's assemblers take them.
     """
 
     def __init__(self, form: fem.Form, changing: Sequence[fem.Function]) -> None:
-        self._form = form
+        self.form = form
         self._columns: list[tuple[fem.Function, int, np.ndarray]] = []
         at = 0
         for coefficient in form._cpp_object.coefficients:
@@ -33,20 +38,31 @@ class PackedForm:
                     size, nodes = function.function_space.dofmap.index_map_bs, function.function_space.dofmap.list
                     self._columns.append((function, at, (size * nodes[:, :, None] + np.arange(size)).reshape(len(nodes), -1)))
             at += width
-        self._vector = fem.create_vector(form.function_spaces[0])
         self.repack()
 
     def repack(self) -> None:
         """Read all coefficients and constants."""
-        self._constants, self._coefficients = fem.pack_constants(self._form), fem.pack_coefficients(self._form)
+        self.constants, self.coefficients = fem.pack_constants(self.form), fem.pack_coefficients(self.form)
+
+    def refresh(self) -> None:
+        """Read the changing coefficients."""
+        for values in self.coefficients.values():
+            for function, at, places in self._columns:
+                values[:, at : at + places.shape[1]] = function.x.array[places[: len(values)]]
+
+
+class PackedForm(Packed):
+    """A vector form over cells, assembled without packing again what is the same every time."""
+
+    def __init__(self, form: fem.Form, changing: Sequence[fem.Function]) -> None:
+        super().__init__(form, changing)
+        self._vector = fem.create_vector(form.function_spaces[0])
 
     def assemble(self) -> Floats:
         """The form at the present values of the changing coefficients, on the nodes that this rank owns, flat."""
-        for values in self._coefficients.values():
-            for function, at, places in self._columns:
-                values[:, at : at + places.shape[1]] = function.x.array[places[: len(values)]]
+        self.refresh()
         self._vector.array[:] = 0.0
-        fem.assemble_vector(self._vector.array, self._form, self._constants, self._coefficients)
+        fem.assemble_vector(self._vector.array, self.form, self.constants, self.coefficients)
         return sum_over_ranks(self._vector)
 
 

@@ -22,6 +22,7 @@ from ..mechanics.contraction import Contraction
 from ..mechanics.model import Model
 from ..meshing.tongue_mesh import MuscleCells, TongueMesh
 from . import quadrature
+from .cell_kernels import Term
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,8 @@ class FibreSlots:
         used = np.zeros(len(self._dofs), dtype=np.int64)
         self.names = list(muscles)
         self.owners[:] = -1
-        self._stress = np.zeros((*self.owners.shape, len(points)))
-        self._share = np.zeros_like(self._stress)
+        self._peak = np.zeros((*self.owners.shape, len(points)))
+        self._share = np.zeros_like(self._peak)
         for function in self.directions:
             function.x.array[:] = np.tile([1.0, 0.0, 0.0], len(function.x.array) // 3)
         for function in (*self.tendons, *self.passives):
@@ -116,7 +117,7 @@ class FibreSlots:
             slot = used[muscle.cells]
             used[muscle.cells] += 1
             self.owners[slot, muscle.cells] = index
-            self._stress[slot, muscle.cells] = peak * muscular
+            self._peak[slot, muscle.cells] = peak * muscular
             self._share[slot, muscle.cells] = share
             for i in range(len(self.owners)):
                 mine = slot == i
@@ -131,7 +132,7 @@ class FibreSlots:
         total = np.zeros(self._dofs.shape)
         for i, tension in enumerate(self.tensions):
             in_slot = level[self.owners[i]][:, None]
-            tension.x.array[self._dofs] = in_slot * self._stress[i]
+            tension.x.array[self._dofs] = in_slot * self._peak[i]
             total += in_slot * self._share[i]
         self.stiffness.x.array[self._dofs] = 1 + 9 * np.minimum(total, 1.0)
 
@@ -142,9 +143,21 @@ class FibreSlots:
     def stress(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
         """Sum of the first Piola–Kirchhoff stresses of all slots."""
         zero = 0.0 * F
-        directions = [d / _norm(d) if self.places.interpolates else d for d in self.directions]
-        slots = zip(directions, self.tensions, self.tendons, self.passives, strict=True)
-        return sum((law.stress(F, F_rate, F_frozen, *slot) for slot in slots), zero)
+        return sum((self._stress_of(slot, law, F, F_rate, F_frozen) for slot in self._slots), zero)
+
+    def term(self, law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Term:
+        """The same as one function of the coefficients of each slot."""
+        first = self._slots[0]
+        same = [dict(zip(first, slot, strict=True)) for slot in self._slots]
+        return Term(self._stress_of(first, law, F, F_rate, F_frozen), same, switches=first[1:])
+
+    @property
+    def _slots(self) -> list[tuple[fem.Function, ...]]:
+        return list(zip(self.directions, self.tensions, self.tendons, self.passives, strict=True))
+
+    def _stress_of(self, slot: tuple[fem.Function, ...], law: Contraction, F: Expr, F_rate: Expr, F_frozen: Expr) -> Expr:
+        direction, *tensions = slot
+        return law.stress(F, F_rate, F_frozen, direction / _norm(direction) if self.places.interpolates else direction, *tensions)
 
     def state(self, law: Contraction, F: Expr, F_rate: Expr) -> list[Expr]:
         """Stretch, rate in 1/s, and active Cauchy stress along the fibre in Pa, of each slot in turn."""

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import platform
 import sysconfig
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +25,7 @@ from ..core.errors import InputError, quiet
 from ..core.parallel import on_rank_zero
 from ..core.types import Expr, Floats
 
-FLAGS = ["-O3", "-g0", "-march=native", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
+FLAGS = ["-O3", "-g0", "-march=native", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math", "-fno-math-errno"]
 """As fast as -ffast-math on these kernels, but NaN still travels from an inverted element to the line search. ``-g0``:
 Python's own ``-g`` would cost a third of the time of a compilation and nineteen twentieths of what it leaves."""
 WAIT = 300
@@ -55,6 +57,36 @@ def compile_expression(value: Expr, points: Floats, comm: MPI.Intracomm) -> fem.
     return fem.Expression(value, points, comm=comm, jit_options=_provide((value, np.asarray(points)), comm))
 
 
+def compile_kernels(item: Any, layout: str, source: Callable[[], str], names: Sequence[str], comm: MPI.Intracomm) -> Any:
+    """A cffi module with functions in C that were made of an expression at points and a `layout`; the `source` is asked for if need be.
+
+    Raises
+    ------
+    InputError
+        If it must be compiled and cannot be.
+    """
+    entry = on_rank_zero(comm, lambda: _find(item, lambda folder: _build(source(), names, folder), layout))
+    spec = importlib.util.spec_from_file_location("kernels", next(entry.glob("kernels*")))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _build(source: str, names: Sequence[str], folder: Path) -> None:
+    """Compile kernels into a folder, and leave there what is needed to load them."""
+    ffi = cffi.FFI()
+    ffi.cdef(
+        "\n".join(f"void {name}(double*, double*, const double*, const double*, const int*, const uint8_t*, void*);" for name in names)
+    )
+    ffi.set_source("kernels", source, extra_compile_args=FLAGS)
+    with quiet():
+        ffi.compile(tmpdir=str(folder))
+    for path in folder.glob("*.[co]"):
+        path.unlink()
+
+
 def generation() -> str:
     """Name of what compiled forms are bound to: the DOLFINx version and, by ``-march=native``, the model of the processor."""
     try:
@@ -67,16 +99,16 @@ def generation() -> str:
 
 def _provide(item: Any, comm: MPI.Intracomm) -> dict[str, Any]:
     """Options with which DOLFINx finds, on all ranks, a form or expression compiled."""
-    return _options(on_rank_zero(comm, lambda: _find(item)))
+    return _options(on_rank_zero(comm, lambda: _find(item, lambda making: _compile(item, making))))
 
 
-def _find(item: Any) -> Path:
+def _find(item: Any, make: Callable[[Path], None], layout: str = "") -> Path:
     """Where a form or expression is compiled, once it is."""
-    settings = (FLAGS, sysconfig.get_config_var("EXT_SUFFIX"), sorted(get_options().items()))
+    settings = (FLAGS, sysconfig.get_config_var("EXT_SUFFIX"), sorted(get_options().items()), layout)
     folder = cache.open_cache(generation())
     entry: Path = folder / compute_signature([item], str(settings))
     try:
-        cache.provide(entry, lambda making: _compile(item, making))
+        cache.provide(entry, make)
     except (cffi.VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise InputError(

@@ -60,6 +60,12 @@ class Forces:
     scheme : GeneralizedAlpha or QuasiStatic
         Its rates.
 
+    Attributes
+    ----------
+    kernels : CellKernels or None
+        Of the stresses, where there is no pressure.
+    inner : PackedForm
+        The forces of the stresses.
     """
 
     def __init__(self, weak: WeakForm, scheme: Scheme) -> None:
@@ -68,13 +74,17 @@ class Forces:
         w = ufl.TestFunction(weak.V)
         self._changing = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
         self._packed: list[PackedForm] = []
-        self._inner = self.pack(weak.inner_work(weak.u, scheme.v, w))
+        self.kernels = weak.kernels(scheme.v, scheme.acceleration)
+        self.inner = self.pack(weak.inner_work(weak.u, scheme.v, w)) if self.kernels is None else self._pack(self.kernels.forces)
         surface = weak.surface_work(weak.u, scheme.v, w)
         self._surface = weak.compile(surface) if isinstance(surface, ufl.Form) else None
 
     def pack(self, form: ufl.Form) -> PackedForm:
         """A form over cells, assembled as these forces are."""
-        self._packed.append(PackedForm(self._weak.compile(form), self._changing))
+        return self._pack(self._weak.compile(form))
+
+    def _pack(self, form: fem.Form) -> PackedForm:
+        self._packed.append(PackedForm(form, self._changing))
         return self._packed[-1]
 
     def repack(self) -> None:
@@ -88,7 +98,7 @@ class Forces:
 
     def unbalanced(self) -> Floats:
         """What the balance leaves over, (owned nodes, 3): nil inside, at bonded nodes what the bone exerts."""
-        forces = self._inner.assemble().reshape(-1, 3) + self._inertia()
+        forces = self.inner.assemble().reshape(-1, 3) + self._inertia()
         return forces if self._surface is None else forces - assemble(self._surface).reshape(-1, 3)
 
     def _inertia(self) -> Floats:

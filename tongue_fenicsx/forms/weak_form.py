@@ -22,6 +22,7 @@ from ..mechanics.kinematics import Kinematics
 from ..mechanics.model import Model
 from ..meshing.tongue_mesh import MuscleCells
 from . import jit, quadrature
+from .cell_kernels import CellKernels, Term
 from .contact_terms import DEGREE, NITSCHE, PENALTY, ContactSet, find_touchable_facets
 from .fibre_slots import FibreSlots, OuterPull, Places, count_slots, tendon_factor
 from .load_terms import LoadTerms
@@ -252,6 +253,19 @@ class WeakForm:
             stress += self.damping_stress(v)
         return ufl.inner(stress, ufl.grad(w)) * self.dx
 
+    def kernels(self, v: Expr, a: Expr) -> CellKernels | None:
+        """Kernels of the stresses and the inertia; None in the mixed form, and where nothing is frozen: the tangent is unsymmetric."""
+        if self.pressure is not None or self.frozen is self.u:
+            return None
+        passive = self.passive_stress(self.u)
+        if self.model.tissue.damping.beta > 0:
+            passive += self.damping_stress(v)
+        terms = [Term(passive)]
+        if self.slots.directions:
+            I = ufl.Identity(3)  # noqa: E741
+            terms.append(self.slots.term(self._law, I + ufl.grad(self.u), ufl.grad(v), I + ufl.grad(self.frozen)))
+        return CellKernels(self.u, self.frozen, terms, self.inertia(v, a), self.model.quadrature_degree)
+
     def active_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
         """Virtual work of the muscles' stress on `w`."""
         return ufl.inner(self.active_stress(u, v), ufl.grad(w)) * self.dx
@@ -276,6 +290,12 @@ class WeakForm:
     def suspension(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Virtual work on `w` of the inertia and the springs of suspended bones; 0 without any."""
         return self._springs.work(u, v, a, w)
+
+    def surface_tangent(self, v: Expr, a: Expr, V: fem.FunctionSpace) -> Expr:
+        """Derivative of the surface's part of the balance, in displacements of `V`; 0 without any."""
+        w = ufl.TestFunction(V)
+        work = self.suspension(self.u, v, a, w) - self.surface_work(self.u, v, w)
+        return ufl.derivative(work, self.u, ufl.TrialFunction(V), self.contacts.derivatives()) if isinstance(work, ufl.Form) else 0
 
     def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Balance of forces, tested with `w`."""

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from ..forms.weak_form import WeakForm
 from .options import SolverOptions
 from .rigid_bodies import RigidBodies
+from .tangent import Tangent
 
 DIRECT_COARSE_MAX = 12_000
 """Coarse unknowns up to which the coarse level is factorised; beyond it is smoothed by algebraic multigrid."""
@@ -30,8 +31,10 @@ class LinearSolvers:
     ----------
     weak : WeakForm
         Its spaces and symmetry decide what can be used.
-    A, operator : PETSc.Mat
-        The assembled tangent, and the matrix to solve with: the same, or what rigid bodies make of it.
+    tangent : Tangent
+        The assembled one of all nodes.
+    operator : PETSc.Mat
+        The matrix to solve with: that of the tangent, or what rigid bodies make of it.
     bodies : RigidBodies or None
         Those.
     options : SolverOptions
@@ -48,30 +51,29 @@ class LinearSolvers:
     """
 
     def __init__(
-        self, weak: WeakForm, A: PETSc.Mat, operator: PETSc.Mat, bodies: RigidBodies | None, options: SolverOptions, rtol: float
+        self, weak: WeakForm, tangent: Tangent, operator: PETSc.Mat, bodies: RigidBodies | None, options: SolverOptions, rtol: float
     ) -> None:
-        self._weak, self._A, self._operator, self._bodies, self._options, self._rtol = weak, A, operator, bodies, options, rtol
+        self._weak, self._operator, self._bodies, self._options, self._rtol = weak, operator, bodies, options, rtol
+        self._A, self._coarse = tangent.matrix, tangent.coarse
         self.ladder: tuple[str, ...] = ("cg+pmg", "gmres+pmg", "mumps")[0 if weak.symmetric else 1 :]
         if weak.pressure is not None:
             self.ladder = ("fgmres+schur", "mumps")
         self.iterations = 0
         self._made: dict[str, PETSc.KSP] = {}
         self._pressure_matrix: PETSc.Mat | None = None
-        self._coarse = fem.functionspace(weak.V.mesh, ("P", 1, (3,)))
-        self._galerkin = _Galerkin(A, self._interpolation()) if in_blocks(weak) else None
+        self._linear = fem.functionspace(weak.V.mesh, ("P", 1, (3,)))
 
     def destroy(self) -> None:
         """Free the PETSc objects, on all ranks at once."""
-        for item in (*self._made.values(), self._pressure_matrix, self._galerkin):
+        for item in (*self._made.values(), self._pressure_matrix):
             if item is not None:
                 item.destroy()
 
     def update(self) -> None:
         """Follow a change of the tangent."""
-        if self._galerkin is not None:
-            self._galerkin.update(self._A)
+        if self._coarse is not None:
             for pc in (ksp.getPC() for rung, ksp in self._made.items() if rung.endswith("pmg")):
-                pc.getMGCoarseSolve().setOperators(self._galerkin.coarse)  # or they would keep what they made of the last one
+                pc.getMGCoarseSolve().setOperators(self._coarse)  # or they would keep what they made of the last one
                 pc.getMGSmoother(1).setOperators(self._A)
 
     def renew(self) -> None:
@@ -138,53 +140,26 @@ class LinearSolvers:
         """Two levels: quadratic displacement, smoothed by two steps of Chebyshev and Jacobi, and linear displacement."""
         pc.setType("mg")
         pc.setMGLevels(2)
-        pc.setMGInterpolation(1, self._interpolation() if self._galerkin is None else self._galerkin.interpolation)
+        pc.setMGInterpolation(1, constrained_interpolation(self._linear, self._weak.V, self._weak.fixed_dofs, self._bodies))
         settings: dict[str, Any] = {
-            "pc_mg_galerkin": "both" if self._galerkin is None else "none",
+            "pc_mg_galerkin": "both" if self._coarse is None else "none",
             "mg_levels_ksp_type": "chebyshev",
             "mg_levels_ksp_chebyshev_eigenvalues": SMOOTHED,
             "mg_levels_ksp_max_it": 2,
             "mg_levels_pc_type": "jacobi",  # PETSc 3.25 does not notice that diagonal blocks changed (pbjacobi, SOR in blocks)
             "mg_coarse_ksp_type": "preonly",
         }
-        if self._coarse.dofmap.index_map.size_global * 3 <= DIRECT_COARSE_MAX:
+        if self._linear.dofmap.index_map.size_global * 3 <= DIRECT_COARSE_MAX:
             settings |= {"mg_coarse_pc_type": "lu", "mg_coarse_pc_factor_mat_solver_type": "mumps"}
         else:
             settings |= {"mg_coarse_pc_type": "gamg"}
         self._options.put(pc.getOptionsPrefix() or "", settings)
         pc.setFromOptions()
-        if self._galerkin is not None:
-            pc.getMGCoarseSolve().setOperators(self._galerkin.coarse)
-
-    def _interpolation(self) -> PETSc.Mat:
-        return _constrained_interpolation(self._coarse, self._weak.V, self._weak.fixed_dofs, self._bodies)
+        if self._coarse is not None:
+            pc.getMGCoarseSolve().setOperators(self._coarse)
 
 
-def in_blocks(weak: WeakForm) -> bool:
-    """Whether the tangent is kept in blocks of three, in which a matrix multiplies three times as fast."""
-    return weak.pressure is None and not weak.suspended_nodes
-
-
-class _Galerkin:
-    """The `coarse` matrix PᵀAP of a tangent in blocks, which PETSc multiplies only without blocks."""
-
-    def __init__(self, A: PETSc.Mat, interpolation: PETSc.Mat) -> None:
-        self.interpolation, self._scalar = interpolation, PETSc.Mat()
-        A.convert("aij", self._scalar)
-        self.coarse = self._scalar.ptap(interpolation)
-
-    def update(self, A: PETSc.Mat) -> None:
-        """Follow a change of A."""
-        A.convert("aij", self._scalar)
-        self._scalar.ptap(self.interpolation, result=self.coarse)
-
-    def destroy(self) -> None:
-        """Free the matrices, on all ranks at once."""
-        for item in (self.interpolation, self._scalar, self.coarse):
-            item.destroy()
-
-
-def _constrained_interpolation(
+def constrained_interpolation(
     coarse: fem.FunctionSpace, fine: fem.FunctionSpace, fixed: NDArray[np.int32], bodies: RigidBodies | None
 ) -> PETSc.Mat:
     """Interpolation that leaves fixed unknowns out, with a unit pair kept at each fixed vertex so that the coarse matrix is regular.

@@ -17,9 +17,10 @@ from petsc4py import PETSc
 from ..forms.assembly import assemble
 from .equations import Equations
 from .line_search import WorkLineSearch
-from .linear import LinearSolvers, in_blocks
+from .linear import LinearSolvers
 from .options import SolverOptions
 from .rigid_bodies import RigidBodies
+from .tangent import Tangent
 from .tolerances import Tolerances
 
 GUESS = 0.1
@@ -63,7 +64,7 @@ class Newton:
         if weak.pressure is not None:  # the norm of the residual hardly sees the balance of volume
             tolerances = tolerances.no_looser_than("tight")
         scheme, V = equations.scheme, weak.V
-        self._tangent = weak.compile(weak.equations(scheme.v, scheme.acceleration)[1])
+        self._tangent = Tangent(equations)
         suspension = weak.suspension(weak.u, scheme.v, scheme.acceleration, ufl.TestFunction(V))
         self._suspension = weak.compile(suspension) if isinstance(suspension, ufl.Form) else None
         self._unknowns = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
@@ -71,14 +72,14 @@ class Newton:
         self._volume = None if weak.pressure is None else equations.forces.pack(weak.volume_balance(ufl.TestFunction(spaces[1])))
         self._x = fem_petsc.create_vector(spaces[0] if weak.pressure is None else spaces)
         self._b = self._x.duplicate()
-        self._A = fem_petsc.create_matrix(self._tangent, kind="baij" if in_blocks(weak) else None)
-        self._A.setOption(PETSc.Mat.Option.SYMMETRIC, weak.symmetric)
+        A = self._tangent.matrix
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, weak.symmetric)
         self._bodies = (
             RigidBodies(V, fem.functionspace(V.mesh, ("P", 1, (3,))), weak.suspended_nodes, self._x) if weak.suspended_nodes else None
         )
-        self._assemble()  # what derives from it takes over where it has entries
-        self._operator = self._A if self._bodies is None else self._bodies.reduce(self._A)
-        self._linear = LinearSolvers(weak, self._A, self._operator, self._bodies, self._options, tolerances.linear)
+        self._tangent.assemble()  # what derives from it takes over where it has entries
+        self._operator = A if self._bodies is None else self._bodies.reduce(A)
+        self._linear = LinearSolvers(weak, self._tangent, self._operator, self._bodies, self._options, tolerances.linear)
         snes = PETSc.SNES().create(V.mesh.comm)
         snes.setOptionsPrefix(self._options.prefix)
         snes.setFunction(self._form_residual, self._b)
@@ -96,7 +97,7 @@ class Newton:
 
     def destroy(self) -> None:
         """Free the PETSc objects, on all ranks at once."""
-        for item in (self._snes, self._linear, self._search, self._A, self._b, self._x):
+        for item in (self._snes, self._linear, self._search, self._tangent, self._b, self._x):
             if item is not None:
                 item.destroy()
         if self._bodies is not None:
@@ -190,16 +191,10 @@ class Newton:
         snes.setTolerances(atol=max(self._tolerances.atol, self._tolerances.rtol * self._borne))
 
     def _form_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._assemble()
+        self._tangent.assemble()
         if self._bodies is not None:
-            self._bodies.tangent(self._A, self._operator)
+            self._bodies.tangent(self._tangent.matrix, self._operator)
         self._linear.update()
-
-    def _assemble(self) -> None:
-        """The tangent of all nodes at the present unknowns."""
-        self._A.zeroEntries()
-        fem_petsc.assemble_matrix(self._A, self._tangent, bcs=self._weak.bcs)
-        self._A.assemble()
 
 
 def _name(code: int, kind: Any = PETSc.SNES) -> str:

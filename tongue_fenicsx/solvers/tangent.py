@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: MIT
+"""The assembled tangent of the equations, and the same in linear displacements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import cpp, default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+from numpy.typing import NDArray
+
+from ..core.types import Expr
+from ..forms.assembly import Packed
+from ..forms.weak_form import WeakForm
+from .equations import Equations
+
+
+class Tangent:
+    """The derivative of equations by their unknowns.
+
+    Parameters
+    ----------
+    equations : Equations
+        Their displacement and pressure are the unknowns.
+
+    Attributes
+    ----------
+    matrix : PETSc.Mat
+        Of all nodes, with a unit diagonal at fixed unknowns. In blocks of three, in which it multiplies three times as fast, where there
+        is neither a pressure nor a suspended bone.
+    coarse : PETSc.Mat or None
+        If in blocks, the tangent in linear displacements, which equals the Galerkin product.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        weak, kernels = equations.weak, equations.forces.kernels
+        rates = equations.scheme.v, equations.scheme.acceleration
+        self._inner = equations.forces.inner
+        if kernels is None:
+            self._levels = [_Level(None, weak.compile(weak.equations(*rates)[1]), weak.bcs)]
+        else:
+            blocks = not weak.suspended_nodes
+            surface = _compiled(weak, weak.surface_tangent(*rates, weak.V))
+            self._levels = [_Level(kernels.tangent, surface, weak.bcs, "baij" if blocks else None)]
+            if blocks:
+                surface = _compiled(weak, weak.surface_tangent(*rates, kernels.linear))
+                self._levels.append(_Level(kernels.coarse_tangent, surface, _at_vertices(weak, kernels.linear)))
+        self.matrix = self._levels[0].matrix
+        self.coarse = self._levels[1].matrix if len(self._levels) > 1 else None
+
+    def assemble(self) -> None:
+        """At the present unknowns."""
+        self._inner.refresh()
+        for level in self._levels:
+            level.assemble(self._inner)
+
+    def destroy(self) -> None:
+        """Free the matrices, on all ranks at once."""
+        for level in self._levels:
+            level.matrix.destroy()
+
+
+class _Level:
+    """A matrix with what it is assembled from, a `kernel` over all cells and a compiled form, and the fixed unknowns."""
+
+    def __init__(self, kernel: fem.Form | None, form: Any, bcs: Sequence[fem.DirichletBC], kind: str | None = None) -> None:
+        self._kernel, self._form, self._bcs = kernel, form, bcs
+        self.matrix = fem_petsc.create_matrix(form if kernel is None else kernel, kind)
+
+    def assemble(self, packed: Packed) -> None:
+        """With the packed coefficients of the kernel."""
+        self.matrix.zeroEntries()
+        if self._kernel is None:
+            fem_petsc.assemble_matrix(self.matrix, self._form, self._bcs)
+        else:
+            if self._form is not None:
+                own = fem.pack_constants(self._form), fem.pack_coefficients(self._form)
+                cpp.fem.petsc.assemble_matrix(self.matrix, self._form._cpp_object, *own, [bc._cpp_object for bc in self._bcs])
+            fem_petsc.assemble_matrix(self.matrix, self._kernel, self._bcs, constants=packed.constants, coeffs=packed.coefficients)
+        self.matrix.assemble()
+
+
+def _compiled(weak: WeakForm, form: Expr) -> fem.Form | None:
+    return weak.compile(form) if isinstance(form, ufl.Form) else None
+
+
+def _at_vertices(weak: WeakForm, linear: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """The fixed unknowns among the linear displacements."""
+    fixed: NDArray[np.bool_] = np.zeros(len(weak.u.x.array), dtype=bool)
+    for bc in weak.bcs:
+        fixed[bc.dof_indices()[0]] = True
+    nodes = np.empty(linear.dofmap.index_map.size_local + linear.dofmap.index_map.num_ghosts, dtype=np.int64)
+    nodes[linear.dofmap.list] = weak.V.dofmap.list[:, :4]
+    at = [3 * np.flatnonzero(fixed.reshape(-1, 3)[nodes, i]) + i for i in range(3)]
+    return [fem.dirichletbc(default_scalar_type(0.0), dofs.astype(np.int32), linear.sub(i)) for i, dofs in enumerate(at)]
