@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""``python -m benchmarks [--full] [--update]``: measure, print tables, compare with the committed numbers by ratios.
+"""``python -m benchmarks [--full] [--update]``: measure, print tables, compare with the committed numbers by ratios; with ``--against
+COMMIT`` the same runs of that commit and of this one in turn.
 
 Ratios are to a Newton iteration of plain DOLFINx with MUMPS on a small block, measured in the same run, so that they mean the same
 on another machine.
@@ -19,7 +20,7 @@ from petsc4py import PETSc
 from tongue_fenicsx.core.tables import markdown as table
 from tongue_fenicsx.core.versions import versions
 
-from . import measure, peers
+from . import measure, pairs, peers
 from .timing import Finished, machine, repeated, run
 
 HERE = Path(__file__).parent
@@ -131,7 +132,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--full", action="store_true", help="at the chapter's size; an hour or so")
     parser.add_argument("--update", action="store_true", help="make the result the committed one")
+    parser.add_argument("--against", metavar="COMMIT", help="compare runs with those of a commit, in turn, and nothing else")
+    parser.add_argument("--repeats", type=int, default=5, help="how often each of those runs, of which the median counts")
     chosen = parser.parse_args()
+    if chosen.against:
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        for row in pairs.compare(chosen.against, FOLDER, chosen.repeats, chosen.full):
+            print(table(["", row.pop("run")], ([key, f"{value:.3g}"] for key, value in row.items())))
+        return 0
     PETSc.Log.begin()
     about = machine() | {"versions": versions()}
     tables = measurements(chosen.full)

@@ -3,10 +3,12 @@
 
 __all__ = [
     "assembly",
+    "cell_kernels",
     "contact_measures",
     "contact_terms",
     "fibre_slots",
     "jit",
+    "lanes",
     "load_terms",
     "nodal_forces",
     "passive_terms",

@@ -89,10 +89,13 @@ class CellKernels:
         self._constant_offsets = dict(zip(self._constants, accumulate([0, *(c.value.size for c in self._constants)]), strict=False))
         self._means = self._offsets[means]
         template = Path(__file__).with_suffix(".c").read_text()
-        layout = [len(term.instances) for term in terms], list(self._offsets.values()), template
-        key = (ufl.as_vector([value[i, j] for value in whole for i in range(3) for j in range(3)]), self._points)
+        told = ufl.as_vector([value[i] for value in (*(term.stress for term in terms), inertia) for i in np.ndindex(value.ufl_shape)])
+        order = [*extract_coefficients(told), *extract_constants(told)]
+        places = [(order.index(item) if item in order else None) for item in (u, frozen, *self._coefficients, *self._constants)]
+        layout = degree, places, [len(term.instances) for term in terms], list(self._offsets.values()), template
         names = ("forces", "tangent", "coarse_tangent")
-        self._module = jit.compile_kernels(key, str(layout), lambda: self._source() + template, names, mesh.comm)
+        form = ufl.inner(told, told) * ufl.dx(mesh)  # its signature knows all that the kernels are made of
+        self._module = jit.compile_kernels(form, str(layout), lambda: self._source() + template, names, mesh.comm)
         V, self.linear = u.function_space, fem.functionspace(mesh, ("P", 1, (3,)))
         self.forces, self.tangent, self.coarse_tangent = map(self._form, names, ([V], [V, V], [self.linear, self.linear]))
 

@@ -57,8 +57,8 @@ def compile_expression(value: Expr, points: Floats, comm: MPI.Intracomm) -> fem.
     return fem.Expression(value, points, comm=comm, jit_options=_provide((value, np.asarray(points)), comm))
 
 
-def compile_kernels(item: Any, layout: str, source: Callable[[], str], names: Sequence[str], comm: MPI.Intracomm) -> Any:
-    """A cffi module with functions in C that were made of an expression at points and a `layout`; the `source` is asked for if need be.
+def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], names: Sequence[str], comm: MPI.Intracomm) -> Any:
+    """A cffi module with functions in C that were made of a form and a `layout`; the `source` is asked for if need be.
 
     Raises
     ------

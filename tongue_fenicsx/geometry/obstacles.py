@@ -149,7 +149,8 @@ class Moved:
         """See `Obstacle.evaluate`, at points in space."""
         R = self.rotation
         gap, n, H = self.obstacle.evaluate((points - self.offset) @ R)
-        return gap, n @ R.T, R @ H @ R.T
+        HR = (H.reshape(-1, 3) @ R.T).reshape(H.shape)  # in two large products: one for each point takes ten times as long
+        return gap, n @ R.T, (HR.swapaxes(1, 2).reshape(-1, 3) @ R.T).reshape(H.shape)
 
 
 class Triangulated:

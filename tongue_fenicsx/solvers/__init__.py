@@ -9,6 +9,7 @@ __all__ = [
     "newton",
     "options",
     "rigid_bodies",
+    "tangent",
     "time_integration",
     "tolerances",
 ]
