@@ -248,19 +248,17 @@ class WeakForm:
 
     def inner_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
         """Virtual work of the stresses on `w`."""
-        stress = self.passive_stress(u) + self.active_stress(u, v)
-        if self.model.tissue.damping.beta > 0:
-            stress += self.damping_stress(v)
-        return ufl.inner(stress, ufl.grad(w)) * self.dx
+        return ufl.inner(self._tissue_stress(u, v) + self.active_stress(u, v), ufl.grad(w)) * self.dx
+
+    def _tissue_stress(self, u: Expr, v: Expr) -> Expr:
+        passive = self.passive_stress(u)
+        return passive + self.damping_stress(v) if self.model.tissue.damping.beta > 0 else passive
 
     def kernels(self, v: Expr, a: Expr) -> CellKernels | None:
         """Kernels of the stresses and the inertia; None in the mixed form, and where nothing is frozen: the tangent is unsymmetric."""
         if self.pressure is not None or self.frozen is self.u:
             return None
-        passive = self.passive_stress(self.u)
-        if self.model.tissue.damping.beta > 0:
-            passive += self.damping_stress(v)
-        terms = [Term(passive)]
+        terms = [Term(self._tissue_stress(self.u, v))]
         if self.slots.directions:
             I = ufl.Identity(3)  # noqa: E741
             terms.append(self.slots.term(self._law, I + ufl.grad(self.u), ufl.grad(v), I + ufl.grad(self.frozen)))
