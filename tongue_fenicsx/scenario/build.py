@@ -15,8 +15,6 @@ from mpi4py import MPI
 from ..anatomy.anatomy import Anatomy
 from ..anatomy.catalogue import peak_stress, resolve
 from ..anatomy.parametric.size import PRESETS
-from ..anatomy.parametric.tongue import parametric_tongue
-from ..anatomy.subject import read_subject
 from ..core.errors import InputError, within
 from ..core.parallel import on_rank_zero
 from ..geometry.obstacles import OBSTACLES, Obstacle, Triangulated, check_orientation
@@ -36,7 +34,11 @@ from .schema import ContactSection, MeshSection, Scenario, value_of
 def anatomy_of(source: MeshSection) -> Anatomy:
     """The anatomy that a mesh section names."""
     if source.subject is not None:
+        from ..anatomy.subject import read_subject
+
         return read_subject(Path(source.subject))
+    from ..anatomy.parametric.tongue import parametric_tongue  # a second of imports, which a run on a mesh does without
+
     return parametric_tongue(source.shape, source.split)
 
 
