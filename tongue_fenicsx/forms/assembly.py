@@ -20,6 +20,8 @@ class Packed:
         Compiled; integrals over all cells only.
     changing : sequence of fem.Function
         Coefficients that change; the others are read by `repack`.
+    spare : int
+        Columns beyond those of the coefficients, for kernels to leave something in.
 
     Attributes
     ----------
@@ -27,8 +29,8 @@ class Packed:
         As DOLFINx's assemblers take them.
     """
 
-    def __init__(self, form: fem.Form, changing: Sequence[fem.Function]) -> None:
-        self.form = form
+    def __init__(self, form: fem.Form, changing: Sequence[fem.Function], spare: int = 0) -> None:
+        self.form, self._spare = form, spare
         self._columns: list[tuple[fem.Function, int, np.ndarray]] = []
         at = 0
         for coefficient in form._cpp_object.coefficients:
@@ -42,7 +44,9 @@ class Packed:
 
     def repack(self) -> None:
         """Read all coefficients and constants."""
-        self.constants, self.coefficients = fem.pack_constants(self.form), fem.pack_coefficients(self.form)
+        packed = fem.pack_coefficients(self.form)
+        self.constants = fem.pack_constants(self.form)
+        self.coefficients = {part: np.pad(values, ((0, 0), (0, self._spare))) if self._spare else values for part, values in packed.items()}
 
     def refresh(self) -> None:
         """Read the changing coefficients."""
@@ -54,8 +58,8 @@ class Packed:
 class PackedForm(Packed):
     """A vector form over cells, assembled without packing again what is the same every time."""
 
-    def __init__(self, form: fem.Form, changing: Sequence[fem.Function]) -> None:
-        super().__init__(form, changing)
+    def __init__(self, form: fem.Form, changing: Sequence[fem.Function], spare: int = 0) -> None:
+        super().__init__(form, changing, spare)
         self._vector = fem.create_vector(form.function_spaces[0])
 
     def assemble(self) -> Floats:

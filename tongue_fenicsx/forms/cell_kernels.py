@@ -68,6 +68,8 @@ class CellKernels:
     ----------
     forces, tangent : fem.Form
         Virtual work of the stresses, and its derivative with that of the inertia.
+    spare : int
+        Numbers of each cell that the packed coefficients must have room for, at the end.
     linear, coarse_tangent : fem.FunctionSpace, fem.Form
         Linear displacements, and the tangent in them; to be assembled after the tangent, with the same packed coefficients.
     """
@@ -80,14 +82,13 @@ class CellKernels:
         found = [f for value in whole for f in extract_coefficients(value)]
         found += [f for term in terms for instance in _own(term) for f in instance.values()]
         nodal = dict.fromkeys(f for f in found if f.function_space == u.function_space)
-        means = fem.Function(fem.functionspace(mesh, ("DG", 0, (len(UPPER) + 1,))))
         self._gradients = [u, *(f for f in nodal if f is not u)]
-        self._coefficients = [*self._gradients, *(f for f in dict.fromkeys(found) if f not in nodal), means]
+        self._coefficients = [*self._gradients, *(f for f in dict.fromkeys(found) if f not in nodal)]
         widths = [f.function_space.dofmap.dof_layout.num_dofs * f.function_space.dofmap.bs for f in self._coefficients]
         self._offsets = dict(zip(self._coefficients, accumulate([0, *widths]), strict=False))
+        self._width, self.spare = sum(widths), len(UPPER) + 1
         self._constants = list(dict.fromkeys(c for value in (*whole, inertia) for c in extract_constants(value)))
         self._constant_offsets = dict(zip(self._constants, accumulate([0, *(c.value.size for c in self._constants)]), strict=False))
-        self._means = self._offsets[means]
         template = Path(__file__).with_suffix(".c").read_text()
         told = ufl.as_vector([value[i] for value in (*(term.stress for term in terms), inertia) for i in np.ndindex(value.ufl_shape)])
         order = [*extract_coefficients(told), *extract_constants(told)]
@@ -124,7 +125,7 @@ class CellKernels:
         mass = np.pad(np.einsum("q,qa,qb->ab", shares, shape, shape), ((0, 0), (0, 2)))
         weights = np.where(np.arange(len(padded)) < n, self._weights[padded], 0.0)
         names = ("LANES", LANES), ("UPPER", len(UPPER)), ("N_POINTS", n), ("N_PACKS", packs), ("N_GRADIENTS", len(self._gradients))
-        sizes = ", ".join(f"{name} = {value}" for name, value in (*names, ("MEANS", self._means)))
+        sizes = ", ".join(f"{name} = {value}" for name, value in (*names, ("MEANS", self._width)))
         tables = {
             "NODE_SLOPES[10][3]": np.moveaxis(slopes[:, padded], (2, 0), (0, 1)),
             "POINT_SLOPES[N_POINTS][3]": rows,

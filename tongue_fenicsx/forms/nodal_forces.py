@@ -74,8 +74,8 @@ class Forces:
         w = ufl.TestFunction(weak.V)
         self._changing = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
         self._packed: list[PackedForm] = []
-        self.kernels = weak.kernels(scheme.v, scheme.acceleration)
-        self.inner = self.pack(weak.inner_work(weak.u, scheme.v, w)) if self.kernels is None else self._pack(self.kernels.forces)
+        kernels = self.kernels = weak.kernels(scheme.v, scheme.acceleration)
+        self.inner = self.pack(weak.inner_work(weak.u, scheme.v, w)) if kernels is None else self._pack(kernels.forces, kernels.spare)
         surface = weak.surface_work(weak.u, scheme.v, w)
         self._surface = weak.compile(surface) if isinstance(surface, ufl.Form) else None
 
@@ -83,8 +83,8 @@ class Forces:
         """A form over cells, assembled as these forces are."""
         return self._pack(self._weak.compile(form))
 
-    def _pack(self, form: fem.Form) -> PackedForm:
-        self._packed.append(PackedForm(form, self._changing))
+    def _pack(self, form: fem.Form, spare: int = 0) -> PackedForm:
+        self._packed.append(PackedForm(form, self._changing, spare))
         return self._packed[-1]
 
     def repack(self) -> None:

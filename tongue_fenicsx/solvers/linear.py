@@ -54,14 +54,13 @@ class LinearSolvers:
         self, weak: WeakForm, tangent: Tangent, operator: PETSc.Mat, bodies: RigidBodies | None, options: SolverOptions, rtol: float
     ) -> None:
         self._weak, self._operator, self._bodies, self._options, self._rtol = weak, operator, bodies, options, rtol
-        self._A, self._coarse = tangent.matrix, tangent.coarse
+        self._A, self._coarse, self._linear = tangent.matrix, tangent.coarse, tangent.linear
         self.ladder: tuple[str, ...] = ("cg+pmg", "gmres+pmg", "mumps")[0 if weak.symmetric else 1 :]
         if weak.pressure is not None:
             self.ladder = ("fgmres+schur", "mumps")
         self.iterations = 0
         self._made: dict[str, PETSc.KSP] = {}
         self._pressure_matrix: PETSc.Mat | None = None
-        self._linear = fem.functionspace(weak.V.mesh, ("P", 1, (3,)))
 
     def destroy(self) -> None:
         """Free the PETSc objects, on all ranks at once."""

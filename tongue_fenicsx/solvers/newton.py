@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
@@ -74,9 +73,7 @@ class Newton:
         self._b = self._x.duplicate()
         A = self._tangent.matrix
         A.setOption(PETSc.Mat.Option.SYMMETRIC, weak.symmetric)
-        self._bodies = (
-            RigidBodies(V, fem.functionspace(V.mesh, ("P", 1, (3,))), weak.suspended_nodes, self._x) if weak.suspended_nodes else None
-        )
+        self._bodies = RigidBodies(V, self._tangent.linear, weak.suspended_nodes, self._x) if weak.suspended_nodes else None
         self._tangent.assemble()  # what derives from it takes over where it has entries
         self._operator = A if self._bodies is None else self._bodies.reduce(A)
         self._linear = LinearSolvers(weak, self._tangent, self._operator, self._bodies, self._options, tolerances.linear)

@@ -31,6 +31,8 @@ class Tangent:
     matrix : PETSc.Mat
         Of all nodes, with a unit diagonal at fixed unknowns. In blocks of three, in which it multiplies three times as fast, where there
         is neither a pressure nor a suspended bone.
+    linear : fem.FunctionSpace
+        Linear displacements.
     coarse : PETSc.Mat or None
         If in blocks, the tangent in linear displacements, which equals the Galerkin product.
     """
@@ -39,6 +41,7 @@ class Tangent:
         weak, kernels = equations.weak, equations.forces.kernels
         rates = equations.scheme.v, equations.scheme.acceleration
         self._inner = equations.forces.inner
+        self.linear = fem.functionspace(weak.V.mesh, ("P", 1, (3,))) if kernels is None else kernels.linear
         if kernels is None:
             self._levels = [_Level(None, weak.compile(weak.equations(*rates)[1]), weak.bcs)]
         else:
@@ -46,8 +49,8 @@ class Tangent:
             surface = _compiled(weak, weak.surface_tangent(*rates, weak.V))
             self._levels = [_Level(kernels.tangent, surface, weak.bcs, "baij" if blocks else None)]
             if blocks:
-                surface = _compiled(weak, weak.surface_tangent(*rates, kernels.linear))
-                self._levels.append(_Level(kernels.coarse_tangent, surface, _at_vertices(weak, kernels.linear)))
+                surface = _compiled(weak, weak.surface_tangent(*rates, self.linear))
+                self._levels.append(_Level(kernels.coarse_tangent, surface, _at_vertices(weak, self.linear)))
         self.matrix = self._levels[0].matrix
         self.coarse = self._levels[1].matrix if len(self._levels) > 1 else None
 
