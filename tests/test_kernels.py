@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,6 +90,26 @@ def test_same_as_ffcx(name: str) -> None:
     forces.scatter_reverse(la.InsertMode.add)
     ours = equations.forces.inner.assemble()
     np.testing.assert_allclose(ours, forces.array[: len(ours)], atol=1e-12 * abs(forces.array).max())
+
+
+@pytest.mark.parametrize("beyond", [lambda k, field: ufl.bessel_J(0, k.I1 - 3), lambda k, field: field * (k.I1 - 3)])
+def test_what_kernels_cannot(beyond: Callable[[Kinematics, Expr], Expr]) -> None:
+    """A law with an operation that C lacks, or with a field of vertices of its own, moves the block by FFCx's forms."""
+    block = box((0.02, 0.01, 0.01), (2, 1, 1))
+    field = fem.Function(fem.functionspace(block.mesh, ("P", 1)))
+    field.x.array[:] = 500.0
+
+    @dataclass(frozen=True)
+    class Beyond(Everything):
+        def isochoric_energy(self, k: Kinematics, parameters: Mapping[str, Expr]) -> Expr:
+            return parameters["c"] * (k.I1 - 3 + beyond(k, field) / 1e3)
+
+    model = tf.Model(block, tissue=tf.Tissue(Beyond(), density=1000.0), fixed=["wall"], gravity=(0.0, 0.0, -9.81), gravity_rise=0.0)
+    simulation = tf.Simulation(model, {"end": (0.02, 0.005, 0.005)}, tf.Stepping(step_max=1e-3, output_every=2e-3))
+    run = simulation.run({}, 2e-3)
+    assert simulation._engine is not None
+    assert simulation._engine.equations.forces.kernels is None
+    assert run.probes["end"][-1, 2] < 0
 
 
 def difference(A: PETSc.Mat, B: PETSc.Mat) -> float:

@@ -192,15 +192,18 @@ class CellKernels:
     def _in_c(self, symbol: Expr, component: tuple[int, ...], own: Mapping[fem.Function, str]) -> tuple[str, bool]:
         """A symbol's component in C, and whether it differs from point to point."""
         index = int(np.ravel_multi_index(component, symbol.ufl_shape)) if component else 0
-        if isinstance(symbol, ufl.classes.Grad):
+        if isinstance(symbol, ufl.classes.Grad) and symbol.ufl_operands[0] in self._gradients:
             return f"H[{self._gradients.index(symbol.ufl_operands[0])}][{index}][p]", True
         if isinstance(symbol, fem.Constant):
             return f"c[{self._constant_offsets[symbol] + index}]", False
+        if not isinstance(symbol, fem.Function):
+            raise NotImplementedError(f"{symbol}")
         size, layout = symbol.function_space.dofmap.bs, symbol.function_space.dofmap.dof_layout
         place = own.get(symbol, str(self._offsets[symbol]))
         if layout.num_dofs == 1:
             return f"w[{place} + {index}]", False
-        assert layout.num_dofs == len(self._points), "neither of the quadrature points nor of the cell"
+        if not symbol.function_space.ufl_element().has_custom_quadrature or layout.num_dofs != len(self._points):
+            raise NotImplementedError(f"{symbol}")
         points = (f"{size} * POINT(p, {lane}) + {index}" for lane in range(LANES))
         return f"(vector){{{', '.join(f'w[{place} + {point}]' for point in points)}}}", True
 

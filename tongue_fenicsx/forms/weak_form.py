@@ -255,14 +255,18 @@ class WeakForm:
         return passive + self.damping_stress(v) if self.model.tissue.damping.beta > 0 else passive
 
     def kernels(self, v: Expr, a: Expr) -> CellKernels | None:
-        """Kernels of the stresses and the inertia; None in the mixed form, and where nothing is frozen: the tangent is unsymmetric."""
+        """Kernels of the stresses and the inertia. None, as FFCx's forms serve, in the mixed form, for a law with something that kernels do
+        not know, and where nothing is frozen, as the tangent is then unsymmetric."""
         if self.pressure is not None or self.frozen is self.u:
             return None
         terms = [Term(self._tissue_stress(self.u, v))]
         if self.slots.directions:
             I = ufl.Identity(3)  # noqa: E741
             terms.append(self.slots.term(self._law, I + ufl.grad(self.u), ufl.grad(v), I + ufl.grad(self.frozen)))
-        return CellKernels(self.u, self.frozen, terms, self.inertia(v, a), self.model.quadrature_degree)
+        try:
+            return CellKernels(self.u, self.frozen, terms, self.inertia(v, a), self.model.quadrature_degree)
+        except NotImplementedError:
+            return None
 
     def active_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
         """Virtual work of the muscles' stress on `w`."""
