@@ -16,19 +16,19 @@ import numpy as np
 from . import measure
 from .timing import EVENTS, Finished, run
 
-DEMO = Path("demos/ggp.toml")
+DEMO, CHAPTER = "demos/ggp.toml", "benchmarks/chapter.toml"
 
 
-def cases(folder: Path, full: bool) -> dict[str, tuple[Path, list[str], int]]:
-    """Scenario, changes to it, and ranks, of each run to compare; meshes are kept in `folder`."""
+def cases(folder: Path, full: bool) -> dict[str, tuple[str, list[str], int]]:
+    """Scenario, of which each commit has its own, changes to it, and ranks, of each run to compare; meshes are kept in `folder`."""
     coarse, small = measure.mesh("coarse", folder), measure.mesh(20e-3, folder)
     found = {
         "coarse demo": (DEMO, [f"mesh.file={coarse.resolve()}"], 1),
-        "smallest tongue with contact, 350 ms": (measure.CHAPTER, [f"mesh.file={small.resolve()}", "time.step=0.005"], 1),
+        "smallest tongue with contact, 350 ms": (CHAPTER, [f"mesh.file={small.resolve()}", "time.step=0.005"], 1),
     }
     if full:
         reference = measure.mesh("reference", folder)
-        found["the chapter's case"] = (measure.CHAPTER, [f"mesh.file={reference.resolve()}"], 2)
+        found["the chapter's case"] = (CHAPTER, [f"mesh.file={reference.resolve()}"], 2)
     return found
 
 
@@ -53,7 +53,7 @@ def compare(commit: str, folder: Path, repeats: int, full: bool) -> list[dict[st
             for turn in range(-1, repeats):  # the first, which compiles, does not count
                 for which, code in (("old", tree), ("new", Path.cwd()))[:: 1 if turn % 2 else -1]:
                     output = Path(scratch) / f"{name[:5]}-{which}-{turn}"
-                    done[which].append(run(scenario, output, *changes, ranks=ranks, environment={"PYTHONPATH": str(code)}))
+                    done[which].append(run(code / scenario, output, *changes, ranks=ranks, environment={"PYTHONPATH": str(code)}))
             old, new = (of[1:] for of in done.values())
             rows.append({"run": name} | _row(old, new))
     return rows

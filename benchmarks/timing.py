@@ -22,7 +22,7 @@ EVENTS = {
     "set-up": ("PCSetUp",),
     "Krylov": ("KSPSolve",),
 }
-"""What a Newton iteration consists of, in events of PETSc; the tangent with its Galerkin product."""
+"""What a Newton iteration consists of, in events of PETSc; the tangent with that of the coarse level."""
 
 
 @dataclass
