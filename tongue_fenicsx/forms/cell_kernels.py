@@ -72,6 +72,11 @@ class CellKernels:
         Numbers of each cell that the packed coefficients must have room for, at the end.
     linear, coarse_tangent : fem.FunctionSpace, fem.Form
         Linear displacements, and the tangent in them; to be assembled after the tangent, with the same packed coefficients.
+
+    Raises
+    ------
+    NotImplementedError
+        If a stress has an operation that C lacks, or depends on something else.
     """
 
     def __init__(self, u: fem.Function, frozen: fem.Function, terms: Sequence[Term], inertia: Expr, degree: int) -> None:
