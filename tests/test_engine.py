@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dolfinx import fem
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.geometry.obstacles import Plane
@@ -27,6 +28,19 @@ def bar(block: tf.TongueMesh, **options: object) -> tf.Model:
     """The block as one muscle."""
     tissue = replace(LIVING, peak_stress={"GGP": 5e3})
     return tf.Model(with_fibres(block), **({"tissue": tissue, "fixed": ["left"]} | options))  # type: ignore[arg-type]
+
+
+def test_nothing_stays_behind(block: tf.TongueMesh) -> None:
+    """A simulation that is let go leaves no function space, and so no MPI communicator, of which there are two thousand."""
+
+    def spaces() -> int:
+        gc.collect()
+        return sum(isinstance(item, fem.FunctionSpace) for item in gc.get_objects())
+
+    contact = Contact(Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0)))
+    before = spaces()
+    tf.Simulation(bar(block, contacts={"floor": contact}), stepping=SHORT).run({"GGP": tf.ramp(0.01, 0.1)}, t_end=0.005)
+    assert spaces() == before
 
 
 @pytest.mark.parallel
@@ -119,6 +133,7 @@ def test_a_rejected_step_leaves_no_trace(block: tf.TongueMesh, monkeypatch: pyte
 
 def test_solvers_do_not_see_each_other(block: tf.TongueMesh) -> None:
     """Options of one solver are its own, and gone when it is."""
+    gc.collect()
     before = set(PETSc.Options().getAll())
     one, two = (tf.Simulation(bar(block, mixed=mixed), probes={}, stepping=SHORT) for mixed in (False, True))
     one.run({}, t_end=0.005)

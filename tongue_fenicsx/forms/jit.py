@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import platform
@@ -19,6 +20,7 @@ from dolfinx import fem
 from ffcx.naming import compute_signature
 from ffcx.options import get_options
 from mpi4py import MPI
+from ufl.corealg.dag_traverser import DAGTraverser
 
 from ..core import cache
 from ..core.errors import InputError, quiet
@@ -30,6 +32,20 @@ FLAGS = ["-O3", "-g0", "-march=native", "-fno-trapping-math", "-fno-signed-zeros
 Python's own ``-g`` would cost a third of the time of a compilation and nineteen twentieths of what it leaves."""
 WAIT = 300
 """Seconds in which ranks without a common file system wait for one another's compiler."""
+
+
+def _let_expressions_go() -> None:
+    """Python 3.13.0 and 3.13.1 never free an object whose `singledispatchmethod` was called (CPython's issue 127750): UFL's derivatives,
+    and with them the mesh, the spaces and the MPI communicators of each form, until MPI has none left."""
+    kinds = [DAGTraverser]
+    for kind in kinds:
+        kinds += kind.__subclasses__()
+        for method in vars(kind).values():
+            if isinstance(method, functools.singledispatchmethod) and hasattr(method, "_method_cache"):
+                method._method_cache = None
+
+
+_let_expressions_go()
 
 
 def compile_form(form: Any, comm: MPI.Intracomm, **settings: Any) -> Any:

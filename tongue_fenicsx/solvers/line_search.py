@@ -8,6 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from petsc4py import PETSc
 
+from .callbacks import weakly
+
 OVERSHOT = 0.1
 """Work of the residual on a Newton step, over that at its begin, beyond which the step is shortened in contact."""
 GROWTH = 5.0
@@ -33,7 +35,7 @@ class WorkLineSearch:
         self._snes, self._evaluate = snes, evaluate
         self._trial, self._residual, self._tried = x.duplicate(), b.duplicate(), False
         snes.getLineSearch().setType("basic")
-        snes.setLineSearchPreCheck(self._shorten)
+        snes.setLineSearchPreCheck(weakly(self._shorten))
 
     def forget(self) -> None:
         """Loads or time have changed: the residual of the last trial is of no use."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from ..forms.weak_form import WeakForm
+from .callbacks import weakly
 from .options import SolverOptions
 from .rigid_bodies import RigidBodies
 from .tangent import Tangent
@@ -106,7 +107,7 @@ class LinearSolvers:
                 else:
                     self._set_multigrid(ksp.getPC())
             ksp.setFromOptions()
-            ksp.setMonitor(self._count)
+            ksp.setMonitor(weakly(self._count))
             self._made[rung] = ksp
         return self._made[rung]
 

@@ -14,6 +14,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from ..forms.assembly import assemble
+from .callbacks import weakly
 from .equations import Equations
 from .line_search import WorkLineSearch
 from .linear import LinearSolvers
@@ -79,8 +80,8 @@ class Newton:
         self._linear = LinearSolvers(weak, self._tangent, self._operator, self._bodies, self._options, tolerances.linear)
         snes = PETSc.SNES().create(V.mesh.comm)
         snes.setOptionsPrefix(self._options.prefix)
-        snes.setFunction(self._form_residual, self._b)
-        snes.setJacobian(self._form_tangent, self._operator)
+        snes.setFunction(weakly(self._form_residual), self._b)
+        snes.setJacobian(weakly(self._form_tangent), self._operator)
         snes.setType("newtonls")
         self._search: WorkLineSearch | None = None
         if weak.contacts.terms and weak.pressure is None:  # with a pressure the work along a step has no least energy to say
