@@ -109,7 +109,7 @@ def test_waiting_says_so(entry: Path, caplog: pytest.LogCaptureFixture) -> None:
         while not caplog.messages:
             assert not waiting.done()
     assert waiting.result() == b"compiled"
-    assert caplog.messages == [f"waiting for another process, which compiles the same forms into {entry.parent}"]
+    assert caplog.messages == [f"waiting for another process, which makes the same into {entry.parent}"]
 
 
 def test_threads(entry: Path) -> None:
@@ -190,7 +190,12 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     (generation / "libffcx_forms_abc.c").touch()
     assert "DOLFINx 0.11.0, processor abc: 2 forms, 0.0 MB" in say()
     with FileLock(generation / "two.lock"):
-        assert "removed but for 1, which are being compiled" in say("--clear")
+        assert "removed but for 1, which are being made" in say("--clear")
         assert {path.name for path in generation.iterdir()} == {"two", "two.lock"}
     assert say("--clear").endswith("removed\n")
     assert not generation.exists()
+    distances = cache.open_cache(cache.DISTANCES)
+    cache.provide(distances / "palate", make)
+    assert "distances from 1 obstacles, 0.0 MB\n" in say("--clear", "--old")
+    assert say("--clear").endswith("removed\n")
+    assert not distances.exists()

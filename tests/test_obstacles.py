@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import tongue_fenicsx as tf
+from tongue_fenicsx.geometry import obstacles
 from tongue_fenicsx.geometry.obstacles import BAND, SPACING, Moved, Obstacle, Plane, Sphere, Triangulated, check_orientation
 from tongue_fenicsx.geometry.surface import Surface
 
@@ -27,6 +31,27 @@ def around(depth: float = 2e-3) -> np.ndarray:
     unit = RNG.standard_normal((200, 3))
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
     return CENTRE + (RADIUS + RNG.uniform(-depth, depth, (200, 1))) * unit
+
+
+def test_distances_are_kept(ball: Triangulated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process does not compute them again, and gets the same bits; a damaged file is computed again."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    computed: list[int] = []
+    kept: list[Path] = []
+    compute = obstacles._compute
+
+    def count(*arguments: Any) -> None:
+        computed.append(1)
+        compute(*arguments)
+
+    monkeypatch.setattr(obstacles, "_compute", count)
+    for times in (1, 1, 2):
+        obstacles._sample.cache_clear()
+        assert np.array_equal(Triangulated(ball.surface)._coefficients, ball._coefficients)
+        assert len(computed) == times
+        kept.append(next(tmp_path.rglob(obstacles.GRID)))
+        if len(kept) == 2:
+            kept[0].write_bytes(b"PK")
 
 
 def test_plane_and_spheres() -> None:

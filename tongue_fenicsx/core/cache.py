@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Folders of compiled forms that outlive a run: where they are, how many processes share them, and how they are cleared."""
+"""Folders of compiled forms, and of distances from obstacles, that outlive a run: where they are, how many processes share them, and how
+they are cleared."""
 
 from __future__ import annotations
 
@@ -20,16 +21,18 @@ from .errors import InputError, check_outputs
 
 LOG = logging.getLogger("tongue_fenicsx")
 LOCK, SEAL = ".lock", "seal.json"
+DISTANCES = "distances"
+"""The folder beside those of forms."""
 
 
 def place() -> Path:
-    """Where compiled forms are kept: in ``XDG_CACHE_HOME``, or in ``~/.cache`` if that is unset, empty or relative."""
+    """Where they are kept: in ``XDG_CACHE_HOME``, or in ``~/.cache`` if that is unset, empty or relative."""
     given = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(given) if os.path.isabs(given) else Path.home() / ".cache") / "tongue_fenicsx"
 
 
 def open_cache(generation: str) -> Path:
-    """A folder that can be written for the forms of one generation; a temporary one, which is said, if their place cannot.
+    """A folder that can be written, for the forms of one generation or `DISTANCES`; a temporary one, which is said, if their place cannot.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def _temporary(reason: str) -> Path:
     except OSError as error:
         raise InputError(f"{reason} Nor can a temporary folder be made ({error.strerror}); set TMPDIR, too.") from error
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    LOG.warning("%s Until then forms are compiled for each run, now into %s.", reason, folder)
+    LOG.warning("%s Until then forms are compiled, and distances from obstacles computed, for each run, now into %s.", reason, folder)
     return Path(folder)
 
 
@@ -92,7 +95,7 @@ def provide(entry: Path, make: Callable[[Path], object]) -> None:
 
 @functools.cache
 def _say_waiting(folder: Path) -> None:
-    LOG.warning("waiting for another process, which compiles the same forms into %s", folder)
+    LOG.warning("waiting for another process, which makes the same into %s", folder)
 
 
 def _digest(path: Path) -> str:
@@ -108,19 +111,19 @@ def _is_whole(entry: Path) -> bool:
 
 
 def generations() -> Iterator[Path]:
-    """Folders of forms, one for each DOLFINx and processor."""
+    """Folders of forms, one for each DOLFINx and processor, and that of distances."""
     if place().is_dir():
         yield from sorted(path for path in place().iterdir() if path.is_dir())
 
 
 def measure(generation: Path) -> tuple[int, int]:
-    """How many forms a folder has, and how many bytes."""
+    """How many forms or obstacles a folder has, and how many bytes."""
     sizes = [path.stat().st_size for path in generation.rglob("*") if path.is_file()]
     return sum(1 for _ in generation.glob(f"*/{SEAL}")), sum(sizes)
 
 
 def clear(generation: Path) -> int:
-    """Remove a folder of forms, but not what a process makes now; return how many such there are."""
+    """Remove a folder, but not what a process makes now; return how many such there are."""
     busy = 0
     for stem in {path.name.partition(".")[0].partition("-")[0] for path in generation.iterdir()}:
         try:

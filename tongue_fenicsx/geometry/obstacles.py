@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..core import cache
+from ..core.cache import DISTANCES
 from ..core.errors import InputError
 from ..core.types import Floats
 from ..core.values import Direction, Flag, Length, Point, checked
@@ -19,6 +24,7 @@ LARGEST, NEAREST = 30_000_000, 2_000_000
 """Nodes of a grid of distances at most, a cube of 0.23 m, and nodes within the band of a face at most, 0.05 m². More take minutes, and a
 tongue reaches no farther."""
 BAND = 5e-3
+GRID = "grid.npz"
 EDGE = 4.0
 """Radius in grid spacings below which a convex edge is the grid's, not the surface's: the Hessian takes it for an edge of this radius,
 since sharper ones outweigh all else in a soft tissue's tangent (they doubled the Newton iterations at the palate's rim and the teeth)."""
@@ -235,10 +241,21 @@ class Triangulated:
 @lru_cache(maxsize=16)
 def _sample(points: bytes, triangles: bytes, spacing: float, band: float) -> tuple[Floats, Floats, Floats]:
     """Origin (3,) of the grid, signed distance at its nodes, clamped to ± one band, and the spline's coefficients, of double points and
-    long triangles; kept, as it takes seconds for a bone and a study meets the same bones in each of its runs."""
+    long triangles; kept in memory and on disk, as it takes seconds for a bone and all runs meet the same bones."""
     from scipy import ndimage
 
+    made_of = (points, triangles, repr((spacing, band, version("vtk"))).encode(), Path(__file__).read_bytes())
+    entry = cache.open_cache(DISTANCES) / hashlib.sha256(b"".join(map(bytes, made_of))).hexdigest()
     surface = Surface(np.frombuffer(points).reshape(-1, 3), np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3))
+    cache.provide(entry, lambda folder: _compute(surface, spacing, band, folder / GRID))
+    with np.load(entry / GRID) as grid:
+        return grid["origin"], grid["values"], np.asarray(ndimage.spline_filter(grid["values"], order=3))
+
+
+def _compute(surface: Surface, spacing: float, band: float, file: Path) -> None:
+    """Write the origin and the values of `_sample` to a file."""
+    from scipy import ndimage
+
     low, high = surface.points.min(axis=0), surface.points.max(axis=0)
     shape = np.ceil((high - low + 2 * (band + 2 * spacing)) / spacing).astype(np.int64) + 1
     origin = (low + high - spacing * (shape - 1)) / 2  # a symmetric surface has a symmetric grid
@@ -255,13 +272,15 @@ def _sample(points: bytes, triangles: bytes, spacing: float, band: float) -> tup
     around = ndimage.maximum_filter(np.where(far, -np.inf, values), size=3)
     free = np.asarray(ndimage.maximum(around, parts, np.arange(n_parts + 1))) >= 0
     values = np.where(far, np.where(free[parts], band, -band), values)
-    return origin, values, np.asarray(ndimage.spline_filter(values, order=3))
+    np.savez_compressed(file, origin=origin, values=values)
 
 
 def _blunt(hessian: Floats, limit: float) -> Floats:
     """Hessians (n, 3, 3) in 1/m, convex by at most `limit`."""
-    values, vectors = np.linalg.eigh(hessian)
-    return np.asarray((vectors * np.minimum(values, limit)[:, None]) @ vectors.swapaxes(1, 2))
+    sharp = np.linalg.norm(hessian, axis=(1, 2)) > limit
+    values, vectors = np.linalg.eigh(hessian[sharp])
+    hessian[sharp] = (vectors * np.minimum(values, limit)[:, None]) @ vectors.swapaxes(1, 2)
+    return hessian
 
 
 def _simplify(surface: Surface, spacing: float) -> Surface:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``tongue cache``: the compiled forms that runs share."""
+"""``tongue cache``: the compiled forms and distances from obstacles that runs share."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..terminal import console
 
 
 def cache(
-    clear: Annotated[bool, typer.Option("--clear", help="Remove what is compiled; the next runs compile again.")] = False,
+    clear: Annotated[bool, typer.Option("--clear", help="Remove it; the next runs make it again.")] = False,
     old: Annotated[bool, typer.Option("--old", help="With --clear: only what another DOLFINx or processor left.")] = False,
 ) -> None:
-    """Show, or clear, the compiled forms: how many, and how large."""
+    """Show, or clear, what runs share, compiled forms and distances from obstacles: how many, and how large."""
     from ...core import cache as store
 
     if old and not clear:
@@ -25,14 +25,15 @@ def cache(
         from ...forms.jit import generation as present
 
         generation = present()
-    console.print(f"compiled forms are in {store.place()}")
+    console.print(f"what runs share is in {store.place()}")
     for folder in store.generations():
-        n_forms, size = store.measure(folder)
-        line = f"DOLFINx {folder.name.replace('-', ', processor ')}: {n_forms} forms, {size / 1e6:.1f} MB"
-        if clear and folder.name != generation:
+        n, size = store.measure(folder)
+        forms = f"DOLFINx {folder.name.replace('-', ', processor ')}: {n} forms"
+        line = f"{f'distances from {n} obstacles' if folder.name == store.DISTANCES else forms}, {size / 1e6:.1f} MB"
+        if clear and not (old and folder.name in (generation, store.DISTANCES)):
             try:
                 busy = store.clear(folder)
             except OSError as error:
                 raise InputError(f"{error.filename}: cannot be removed ({error.strerror}).") from error
-            line += f", removed{f' but for {busy}, which are being compiled' if busy else ''}"
+            line += f", removed{f' but for {busy}, which are being made' if busy else ''}"
         console.print(line)
