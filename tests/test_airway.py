@@ -12,6 +12,7 @@ from test_cli import tongue as command
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.analysis import airway
+from tongue_fenicsx.analysis.tongue_grid import grids, mid_plane, section
 
 
 def arc(radius: float, start: float, end: float, n: int = 400) -> np.ndarray:
@@ -34,6 +35,15 @@ def test_circles() -> None:
     assert angle[-1] == pytest.approx(-30.0, abs=0.5)
     tongue = np.concatenate([arc(20, 0, 360), arc(20, 0, 0, 1)])  # with a line of no length
     np.testing.assert_allclose(airway.nearest(wall, tongue), radius - 20, rtol=1e-4)
+
+
+def test_section_is_that_of_all_cells(tongue_file: Path) -> None:
+    """Only cells near the plane are cut, which leaves none out."""
+    tongue = tf.TongueMesh.read(tongue_file)
+    run = tf.Simulation(tf.Model(tongue), probes={}).run({"GGP": tf.ramp(0.01, 0.1, 0.5)}, t_end=0.01)
+    grid = grids(run)[1]
+    whole = grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0))
+    assert section(grid).area == pytest.approx(whole.area, rel=1e-6)
 
 
 def test_postures(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -55,7 +55,14 @@ def skin(grid: pv.UnstructuredGrid, subdivision: int = 1) -> pv.PolyData:
 
 def section(grid: pv.UnstructuredGrid) -> pv.PolyData:
     """Where the mid-sagittal plane cuts a grid, as triangles."""
-    return grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0)).triangulate()
+    import pyvista as pv
+
+    plane = mid_plane(grid) + 1e-4
+    y = np.asarray(grid.points)[grid.cells_dict[pv.CellType.QUADRATIC_TETRA], 1]
+    low, high = y.min(axis=1), y.max(axis=1)
+    margin = (high - low) / 2  # a curved side goes beyond its nodes
+    beside = grid.extract_cells((low - margin <= plane) & (plane <= high + margin))
+    return beside.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, plane, 0.0)).triangulate()
 
 
 def outline(section: pv.PolyData) -> Floats:
