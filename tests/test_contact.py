@@ -142,6 +142,8 @@ def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.Mon
 
     def fails_at_first(self: Newton) -> Outcome:
         outcome = right(self)
+        if len(stiffness) % 3 == 0 and not self._weak.contacts.touched:
+            return outcome
         stiffness.append(1 / float(self._weak.contacts.terms["floor"].gamma.value))
         return replace(outcome, converged=len(stiffness) % 3 != 1)
 

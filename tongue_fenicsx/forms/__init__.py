@@ -4,6 +4,7 @@
 __all__ = [
     "assembly",
     "cell_kernels",
+    "contact_forms",
     "contact_measures",
     "contact_terms",
     "fibre_slots",

@@ -70,9 +70,12 @@ class PackedForm(Packed):
         return sum_over_ranks(self._vector)
 
 
-def assemble(form: fem.Form) -> Floats:
-    """A vector form on the nodes that this rank owns, flat."""
-    return sum_over_ranks(fem.assemble_vector(form))
+def assemble(*forms: fem.Form) -> Floats:
+    """The sum of vector forms on the nodes that this rank owns, flat."""
+    vector = fem.create_vector(forms[0].function_spaces[0])
+    for form in forms:
+        fem.assemble_vector(vector.array, form)
+    return sum_over_ranks(vector)
 
 
 def sum_over_ranks(vector: la.Vector) -> Floats:

@@ -45,14 +45,16 @@ class ContactMeasures:
         cofactor = ufl.det(F) * ufl.inv(F).T * N
         stretch = ufl.sqrt(ufl.dot(cofactor, cofactor))
         w, q = ufl.TestFunction(weak.V), ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
-        self._forms = {}
+        values = {}
         for name, term in weak.contacts.terms.items():
             stress = weak.surface_stress(weak.u, v) if term.contact.form == "nitsche" else None
             pressure = term.pressure(term.traction(stress, N))
             touched = ufl.conditional(ufl.gt(pressure, 0.0), stretch, 0.0)
             ds = weak.ds_contact
-            forms = (pressure * ufl.dot(term.normal, w) * ds, pressure * q * ds, touched * q * ds)
-            self._forms[name] = [weak.compile(form) for form in forms]
+            values[name] = (pressure * ufl.dot(term.normal, w) * ds, pressure * q * ds, touched * q * ds)
+        self._forces, self._loads, self._areas = (
+            weak.compile_contacts({name: forms[i] for name, forms in values.items()}) for i in range(3)
+        )
 
     def evaluate(self) -> ContactState:
         """The present state."""
@@ -60,13 +62,12 @@ class ContactMeasures:
         total = np.zeros((V.dofmap.index_map.size_local, 3))
         pressures = np.zeros(V.mesh.topology.index_map(3).size_local)
         touches: dict[str, Touch] = {}
-        for name, (force_form, load_form, area_form) in self._forms.items():
-            forces = assemble(force_form)[: total.size].reshape(-1, 3)
-            load, area = (assemble(form)[: len(pressures)] for form in (load_form, area_form))
+        for name, term in self._weak.contacts.terms.items():
+            forces = assemble(self._forces[name]).reshape(-1, 3)
+            load, area = assemble(self._loads[name]), assemble(self._areas[name])
             pressure = np.divide(load, area, out=np.zeros_like(load), where=area > 0)
             total += forces
             pressures += pressure
-            term = self._weak.contacts.terms[name]
             touches[name] = Touch(
                 np.asarray(self._comm.allreduce(forces.sum(axis=0))),
                 float(self._comm.allreduce(float(area.sum()))),

@@ -31,6 +31,8 @@ RELAX = 1.2
 """By how much a γ that was made smaller grows again from step to step."""
 NEAR = 1e-3
 """Gap in m beyond which θ has no effect: elsewhere the surface may bear another obstacle or a roller, so that λ is not nil."""
+REACH = 2e-3
+"""Gap in m beyond which an obstacle bears nothing, whatever the stress at the surface: so the facets that are farther need no assembly."""
 SOFTER = 10.0
 """How much softer obstacles are in the first stage of a step whose solve fails."""
 DEGREE = 4
@@ -52,8 +54,8 @@ def find_touchable_facets(model: Model, V: fem.FunctionSpace, supports: Mapping[
 
 
 class _Term:
-    """One obstacle in the weak form: its gap, normal and curvature at the quadrature points of the surface, and how soft it is now and at
-    most, γ in m/Pa."""
+    """One obstacle in the weak form: its gap, normal and curvature at the quadrature points of the surface, the cells of the surface that
+    are near, and how soft it is now and at most, γ in m/Pa."""
 
     def __init__(self, contact: Contact, surface: dmesh.Mesh) -> None:
         self.contact = contact
@@ -66,6 +68,7 @@ class _Term:
         self.softest = np.inf
         self.gamma = fem.Constant(surface, default_scalar_type(1.0))
         self.allowed: Floats = np.zeros(0)
+        self.near: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.placed = Moved(contact.obstacle, np.eye(3), np.zeros(3))
 
     def place(self, t: float) -> None:
@@ -83,7 +86,11 @@ class _Term:
     def update(self, points: Floats, cells: NDArray[np.int32]) -> None:
         """Evaluate the obstacle at deformed points (n_cells, q, 3) of the surface's cells."""
         gap, normal, curvature = self.placed.evaluate(points.reshape(-1, 3))
-        self.gap.x.array[self.gap.function_space.dofmap.list[cells].ravel()] = gap + (self.allowed if len(self.allowed) else 0.0)
+        gap = gap + (self.allowed if len(self.allowed) else 0.0)
+        nearest = gap.reshape(points.shape[:2]).min(axis=1)
+        if not np.isin(np.flatnonzero(nearest < REACH), self.near).all():
+            self.near = np.flatnonzero(nearest < 2 * REACH).astype(np.int32)
+        self.gap.x.array[self.gap.function_space.dofmap.list[cells].ravel()] = gap
         places = self.normal.function_space.dofmap.list[cells].ravel()
         self.normal.x.array.reshape(-1, 3)[places] = normal
         self.curvature.x.array.reshape(-1, 9)[places] = curvature.reshape(-1, 9)
@@ -93,8 +100,8 @@ class _Term:
         return self.multiplier if P is None else ufl.dot(self.normal, P * N)
 
     def pressure(self, traction: Expr) -> Expr:
-        """[λ − g/γ]₊ in Pa per area at rest."""
-        return ufl.max_value(traction - self.gap / self.gamma, 0.0)
+        """[λ − g/γ]₊ in Pa per area at rest, nil beyond `REACH`."""
+        return ufl.conditional(ufl.lt(self.gap, REACH), ufl.max_value(traction - self.gap / self.gamma, 0.0), 0.0)
 
 
 class ContactSet:
@@ -111,6 +118,8 @@ class ContactSet:
 
     Attributes
     ----------
+    mesh : dolfinx.mesh.Mesh
+        Of the tongue.
     integrals : (n, 2) int array
         Cell and local facet of each facet that may touch.
     entity_maps : list
@@ -119,7 +128,8 @@ class ContactSet:
 
     def __init__(self, u: fem.Function, facets: NDArray[np.int32], contacts: Mapping[str, Contact]) -> None:
         mesh = u.function_space.mesh
-        self._mesh, self._comm = mesh, mesh.comm
+        self.mesh, self._comm, self._u = mesh, mesh.comm, u
+        self._seen: Floats | None = None
         self.terms: dict[str, _Term] = {}
         self.entity_maps: list[dmesh.EntityMap] = []
         self.integrals = np.empty((0, 2), dtype=np.int32)
@@ -163,12 +173,13 @@ class ContactSet:
                 "free side, or refine the mesh."
             )
         term.allowed = np.maximum(-gap, 0.0)
-        self.update()
+        term.update(self._points, self._cells)
 
     def place(self, t: float) -> None:
         """Put moving obstacles where they are at time `t` (s)."""
         for term in self.terms.values():
             term.place(t)
+        self._seen = None
 
     def begin(self, gammas: tuple[float, ...], relax: bool) -> None:
         """Begin without augmentation, with obstacles as soft as `gammas` (m/Pa) say (as they are by themselves, if empty), or a little
@@ -178,10 +189,12 @@ class ContactSet:
             term.gamma.value = min(RELAX * gamma, term.softest) if relax else gamma
 
     def update(self) -> None:
-        """Evaluate the obstacles at the present displacement."""
-        if self.terms:
-            values = self._deformed.eval(self._mesh, self.integrals)
-            self._points = np.asarray(values).reshape(len(self.integrals), -1, 3)
+        """Evaluate the obstacles at the present displacement, unless that was done last."""
+        if not self.terms or (self._seen is not None and np.array_equal(self._seen, self._u.x.array)):
+            return
+        self._seen = self._u.x.array.copy()
+        values = self._deformed.eval(self.mesh, self.integrals)
+        self._points = np.asarray(values).reshape(len(self.integrals), -1, 3)
         for term in self.terms.values():
             term.update(self._points, self._cells)
 
@@ -212,6 +225,12 @@ class ContactSet:
             for term, gamma in zip(self.terms.values(), hard, strict=True):
                 term.gamma.value = gamma
 
+    @property
+    def touched(self) -> bool:
+        """Whether the surface may be in an obstacle at the present displacement, which may not be finite."""
+        finite = self._comm.allreduce(bool(np.isfinite(self._u.x.array).all()), op=MPI.LAND)
+        return bool(self.terms) and (not finite or any(self.penetration(term) > 0.0 for term in self.terms.values()))
+
     def penetration(self, term: _Term) -> float:
         """How deep in m any point of the surface is in an obstacle, 0 if none is."""
         gap = term.gap.x.array[term.gap.function_space.dofmap.list[self._cells].ravel()]
@@ -224,7 +243,7 @@ class ContactSet:
     def work(self, stress: Expr | None, rest_stress: Expr, w: Expr, ds: ufl.Measure) -> dict[str, Expr]:
         """Virtual work of each obstacle on `w`, with the stress in the tongue (for Nitsche's method) and that of `w` as a small
         displacement from rest, both in Pa."""
-        N = ufl.FacetNormal(self._mesh)
+        N = ufl.FacetNormal(self.mesh)
         works = {}
         for name, term in self.terms.items():
             nitsche = term.contact.form == "nitsche"

@@ -62,6 +62,17 @@ def compile_form(form: Any, comm: MPI.Intracomm, **settings: Any) -> Any:
     return fem.form(form, jit_options=options, **settings)
 
 
+def compile_without_data(form: ufl.Form, comm: MPI.Intracomm) -> fem.CompiledForm:
+    """A form to which functions and integration domains are still to be given.
+
+    Raises
+    ------
+    InputError
+        If it must be compiled and cannot be.
+    """
+    return fem.compile_form(comm, form, jit_options=_provide(form, comm))
+
+
 def compile_expression(value: Expr, points: Floats, comm: MPI.Intracomm) -> fem.Expression:
     """A value ready to be evaluated at reference points (q, d) of cells.
 

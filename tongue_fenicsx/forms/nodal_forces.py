@@ -77,7 +77,8 @@ class Forces:
         kernels = self.kernels = weak.kernels(scheme.v, scheme.acceleration)
         self.inner = self.pack(weak.inner_work(weak.u, scheme.v, w)) if kernels is None else self._pack(kernels.forces, kernels.spare)
         surface = weak.surface_work(weak.u, scheme.v, w)
-        self._surface = weak.compile(surface) if isinstance(surface, ufl.Form) else None
+        self._surface = [weak.compile(surface)] if isinstance(surface, ufl.Form) else []
+        self._contacts = weak.compile_contacts(weak.contact_work(weak.u, scheme.v, w))
 
     def pack(self, form: ufl.Form) -> PackedForm:
         """A form over cells, assembled as these forces are."""
@@ -99,7 +100,8 @@ class Forces:
     def unbalanced(self) -> Floats:
         """What the balance leaves over, (owned nodes, 3): nil inside, at bonded nodes what the bone exerts."""
         forces = self.inner.assemble().reshape(-1, 3) + self._inertia()
-        return forces if self._surface is None else forces - assemble(self._surface).reshape(-1, 3)
+        surface = [*self._surface, *self._contacts]
+        return forces - assemble(*surface).reshape(-1, 3) if surface else forces
 
     def _inertia(self) -> Floats:
         """M (ü + α v − g)."""

@@ -23,6 +23,7 @@ from ..mechanics.model import Model
 from ..meshing.tongue_mesh import MuscleCells
 from . import jit, quadrature
 from .cell_kernels import CellKernels, Term
+from .contact_forms import ContactForms
 from .contact_terms import DEGREE, NITSCHE, PENALTY, ContactSet, find_touchable_facets
 from .fibre_slots import FibreSlots, OuterPull, Places, count_slots, tendon_factor
 from .load_terms import LoadTerms
@@ -183,9 +184,16 @@ class WeakForm:
         def thaw(part: Expr) -> Expr:
             if isinstance(part, list | tuple):
                 return [thaw(inner) for inner in part]
-            return part if part is None or self.frozen is self.u else ufl.replace(part, {self.frozen: self.u})
+            return None if part is None else self._thaw(part)
 
         return jit.compile_form(thaw(form), self.V.mesh.comm, entity_maps=self.contacts.entity_maps)
+
+    def compile_contacts(self, forms: Mapping[str, ufl.Form]) -> ContactForms:
+        """A form of each obstacle, ready to assemble where it is near; `frozen` becomes `u`."""
+        return ContactForms(self.contacts, {name: self._thaw(form) for name, form in forms.items()})
+
+    def _thaw(self, form: Expr) -> Expr:
+        return form if self.frozen is self.u else ufl.replace(form, {self.frozen: self.u})
 
     def expression(self, value: Expr, points: Floats) -> fem.Expression:
         """A value ready to be evaluated at reference points (q, 3) of cells; `frozen` becomes `u`."""
@@ -277,8 +285,8 @@ class WeakForm:
         return ufl.inner(self.damping_stress(v), ufl.grad(w)) * self.dx
 
     def surface_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
-        """Virtual work on `w` of muscles from outside, of obstacles and of loads; 0 without any."""
-        return sum([*self.outer_work(u, v, w), *self.contact_work(u, v, w).values(), self.load_work(u, w)])
+        """Virtual work on `w` of muscles from outside and of loads; 0 without any."""
+        return sum([*self.outer_work(u, v, w), self.load_work(u, w)])
 
     def contact_work(self, u: Expr, v: Expr, w: Expr) -> dict[str, Expr]:
         """Virtual work on `w` of each obstacle."""
@@ -294,15 +302,22 @@ class WeakForm:
         return self._springs.work(u, v, a, w)
 
     def surface_tangent(self, v: Expr, a: Expr, V: fem.FunctionSpace) -> Expr:
-        """Derivative of the surface's part of the balance, in displacements of `V`; 0 without any."""
+        """Derivative of the surface's part of the balance but for contact, in displacements of `V`; 0 without any."""
         w = ufl.TestFunction(V)
         work = self.suspension(self.u, v, a, w) - self.surface_work(self.u, v, w)
-        return ufl.derivative(work, self.u, ufl.TrialFunction(V), self.contacts.derivatives()) if isinstance(work, ufl.Form) else 0
+        return ufl.derivative(work, self.u, ufl.TrialFunction(V)) if isinstance(work, ufl.Form) else 0
+
+    def contact_tangent(self, v: Expr, V: fem.FunctionSpace) -> dict[str, Expr]:
+        """Derivative of each obstacle's part of the balance, in displacements of `V`."""
+        works = self.contact_work(self.u, v, ufl.TestFunction(V))
+        du = ufl.TrialFunction(V)
+        return {name: ufl.derivative(-work, self.u, du, self.contacts.derivatives()) for name, work in works.items()}
 
     def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Balance of forces, tested with `w`."""
         inertia = ufl.inner(self.inertia(v, a), w) * self.dx_mass
-        return self.inner_work(u, v, w) + inertia - self.surface_work(u, v, w) + self.suspension(u, v, a, w)
+        surface = self.surface_work(u, v, w) + sum(self.contact_work(u, v, w).values())
+        return self.inner_work(u, v, w) + inertia - surface + self.suspension(u, v, a, w)
 
     def volume_balance(self, q: Expr) -> Expr:
         """In the mixed form, what ties pressure and volume, tested with `q`."""

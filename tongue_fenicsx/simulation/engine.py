@@ -119,7 +119,7 @@ class Engine:
         contacts = self.weak.contacts
         self.equations.at(t, levels)
         outcome = self._newton.solve()
-        if contacts.terms and not outcome.converged:
+        if not outcome.converged and contacts.touched:
             self.equations.at(t, levels)
             with contacts.soften():
                 outcome = outcome.then(self._newton.solve())

@@ -20,6 +20,8 @@ from .tangent import Tangent
 
 DIRECT_COARSE_MAX = 12_000
 """Coarse unknowns up to which the coarse level is factorised; beyond it is smoothed by algebraic multigrid."""
+AIM, LOOSEST = 0.5, 0.1
+"""Relative residual of a linear solve over that by which Newton's method would be done, and at most."""
 SMOOTHED = "0.7,7.0"
 """Eigenvalues of the tangent over its diagonal that the smoother damps; up to 7.7 it does not amplify. On tongues and blocks, at rest
 and deformed, the largest is 3.3 to 4.0 at ν = 0.3 and 4.9 to 5.9 from 0.49 to 0.4999. (An estimate would depend on the run's past.)"""
@@ -75,6 +77,10 @@ class LinearSolvers:
             for pc in (ksp.getPC() for rung, ksp in self._made.items() if rung.endswith("pmg")):
                 pc.getMGCoarseSolve().setOperators(self._coarse)  # or they would keep what they made of the last one
                 pc.getMGSmoother(1).setOperators(self._A)
+
+    def aim(self, ksp: PETSc.KSP, residual: float, enough: float) -> None:
+        """Solve no more accurately than it takes to shrink a residual (N) of Newton's method to what is enough."""
+        ksp.setTolerances(rtol=max(self._rtol, min(AIM * enough / max(residual, enough), LOOSEST)))
 
     def renew(self) -> None:
         """Follow a change of the tissue's numbers."""

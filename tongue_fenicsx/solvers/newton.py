@@ -186,13 +186,19 @@ class Newton:
     def _form_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         if self._search is None or not self._search.recall(x, b):
             self._evaluate(x, b)
-        snes.setTolerances(atol=max(self._tolerances.atol, self._tolerances.rtol * self._borne))
+        snes.setTolerances(atol=self._enough)
+
+    @property
+    def _enough(self) -> float:
+        """Residual in N at which a solve is done."""
+        return max(self._tolerances.atol, self._tolerances.rtol * self._borne)
 
     def _form_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
         self._tangent.assemble()
         if self._bodies is not None:
             self._bodies.tangent(self._tangent.matrix, self._operator)
         self._linear.update()
+        self._linear.aim(snes.getKSP(), float(snes.getFunction()[0].norm()), self._enough)
 
 
 def _name(code: int, kind: Any = PETSc.SNES) -> str:

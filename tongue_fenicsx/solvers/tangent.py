@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from dolfinx import cpp, default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
-from ..core.types import Expr
 from ..forms.assembly import Packed
 from ..forms.weak_form import WeakForm
 from .equations import Equations
@@ -40,23 +39,23 @@ class Tangent:
     def __init__(self, equations: Equations) -> None:
         weak, kernels = equations.weak, equations.forces.kernels
         rates = equations.scheme.v, equations.scheme.acceleration
-        self._inner = equations.forces.inner
+        self._inner = None if kernels is None else equations.forces.inner
         self.linear = fem.functionspace(weak.V.mesh, ("P", 1, (3,))) if kernels is None else kernels.linear
         if kernels is None:
-            self._levels = [_Level(None, weak.compile(weak.equations(*rates)[1]), weak.bcs)]
+            self._levels = [_Level(weak.compile(weak.equations(*rates)[1]), weak.bcs)]
         else:
             blocks = not weak.suspended_nodes
-            surface = _compiled(weak, weak.surface_tangent(*rates, weak.V))
-            self._levels = [_Level(kernels.tangent, surface, weak.bcs, "baij" if blocks else None)]
+            self._levels = [_Level(kernels.tangent, weak.bcs, _Surface(equations, weak.V), "baij" if blocks else None)]
             if blocks:
-                surface = _compiled(weak, weak.surface_tangent(*rates, self.linear))
-                self._levels.append(_Level(kernels.coarse_tangent, surface, _at_vertices(weak, self.linear)))
+                fixed = _at_vertices(weak, self.linear)
+                self._levels.append(_Level(kernels.coarse_tangent, fixed, _Surface(equations, self.linear)))
         self.matrix = self._levels[0].matrix
         self.coarse = self._levels[1].matrix if len(self._levels) > 1 else None
 
     def assemble(self) -> None:
         """At the present unknowns."""
-        self._inner.refresh()
+        if self._inner is not None:
+            self._inner.refresh()
         for level in self._levels:
             level.assemble(self._inner)
 
@@ -67,27 +66,36 @@ class Tangent:
 
 
 class _Level:
-    """A matrix with what it is assembled from, a `kernel` over all cells and a compiled form, and the fixed unknowns."""
+    """A matrix with what it is assembled from, a form with what is fixed and the forms of the surface beside it."""
 
-    def __init__(self, kernel: fem.Form | None, form: Any, bcs: Sequence[fem.DirichletBC], kind: str | None = None) -> None:
-        self._kernel, self._form, self._bcs = kernel, form, bcs
-        self.matrix = fem_petsc.create_matrix(form if kernel is None else kernel, kind)
+    def __init__(self, form: Any, bcs: Sequence[fem.DirichletBC], surface: Iterable[fem.Form] = (), kind: str | None = None) -> None:
+        self._form, self._bcs, self._surface = form, bcs, surface
+        self.matrix = fem_petsc.create_matrix(form, kind)
 
-    def assemble(self, packed: Packed) -> None:
-        """With the packed coefficients of the kernel."""
+    def assemble(self, packed: Packed | None) -> None:
+        """With the packed coefficients of the form, if there are any."""
         self.matrix.zeroEntries()
-        if self._kernel is None:
-            fem_petsc.assemble_matrix(self.matrix, self._form, self._bcs)
-        else:
-            if self._form is not None:
-                own = fem.pack_constants(self._form), fem.pack_coefficients(self._form)
-                cpp.fem.petsc.assemble_matrix(self.matrix, self._form._cpp_object, *own, [bc._cpp_object for bc in self._bcs])
-            fem_petsc.assemble_matrix(self.matrix, self._kernel, self._bcs, constants=packed.constants, coeffs=packed.coefficients)
+        fixed = [bc._cpp_object for bc in self._bcs]
+        for form in self._surface:
+            own = fem.pack_constants(form), fem.pack_coefficients(form)
+            cpp.fem.petsc.assemble_matrix(self.matrix, form._cpp_object, *own, fixed)
+        values = {} if packed is None else {"constants": packed.constants, "coeffs": packed.coefficients}
+        fem_petsc.assemble_matrix(self.matrix, self._form, self._bcs, **values)
         self.matrix.assemble()
 
 
-def _compiled(weak: WeakForm, form: Expr) -> fem.Form | None:
-    return weak.compile(form) if isinstance(form, ufl.Form) else None
+class _Surface:
+    """The forms of the surface's tangent at the present displacement, in displacements of a space."""
+
+    def __init__(self, equations: Equations, V: fem.FunctionSpace) -> None:
+        weak, scheme = equations.weak, equations.scheme
+        surface = weak.surface_tangent(scheme.v, scheme.acceleration, V)
+        self._forms = [weak.compile(surface)] if isinstance(surface, ufl.Form) else []
+        self._contacts = weak.compile_contacts(weak.contact_tangent(scheme.v, V))
+
+    def __iter__(self) -> Iterator[fem.Form]:
+        yield from self._forms
+        yield from self._contacts
 
 
 def _at_vertices(weak: WeakForm, linear: fem.FunctionSpace) -> list[fem.DirichletBC]:
