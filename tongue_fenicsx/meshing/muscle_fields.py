@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import pyvista as pv
 from scipy.spatial import cKDTree
 
 from ..anatomy.anatomy import Anatomy, Muscle
@@ -160,6 +159,8 @@ def _entry(muscle: Muscle, surface: Surface, mesh: Tetrahedra) -> Entry | None:
 
 def direction_errors(anatomy: Anatomy, mesh: Tetrahedra, fields: Mapping[str, MuscleField]) -> dict[str, float | None]:
     """Mean angle in degrees between each muscle's fibres and its directions on the mesh along them, inside its cells, if any is."""
+    import pyvista as pv  # a run has no need of it
+
     grid = pv.UnstructuredGrid({pv.CellType.TETRA: mesh.cells}, mesh.points)
     errors: dict[str, float | None] = {}
     for name, field in fields.items():
