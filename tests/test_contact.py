@@ -138,7 +138,8 @@ def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.Mon
         return tf.Simulation(sinking(block, Contact(FLOOR)), END, stepping, tf.Tolerances.of("tight")).run({}, 0.1, folder)
 
     expected = simulate(scratch / "expected")
-    right, stiffness = Newton.solve, []
+    right = Newton.solve
+    stiffness: list[float] = []
 
     def fails_at_first(self: Newton) -> Outcome:
         outcome = right(self)
@@ -153,6 +154,22 @@ def test_two_stages(block: tf.TongueMesh, scratch: Path, monkeypatch: pytest.Mon
     np.testing.assert_allclose(stiffness[1::3], stiffness[0] / SOFTER)
     np.testing.assert_allclose(stiffness[2::3], stiffness[0])
     np.testing.assert_allclose(run.probes["end"][-1], expected.probes["end"][-1], atol=1e-6)
+
+
+def test_short_steps_stay_stable(block: tf.TongueMesh) -> None:
+    """In a step of 10 µs, in which damping makes a thousand times the stress of the tissue, contact does not take the tangent's sign."""
+    simulation = tf.Simulation(sinking(block, Contact(Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)))), probes={})
+    engine = simulation._prepare([])
+    engine.start({})
+    engine.equations.at(1e-5, {})
+    engine.weak.u.x.array.reshape(-1, 3)[:, 2] -= 1e-6
+    engine.weak.update()
+    tangent = engine._newton._tangent
+    tangent.assemble()
+    A = tangent.matrix.convert("dense").getDenseArray()
+    free = np.setdiff1d(np.arange(len(A)), engine.weak.fixed_dofs)
+    stiffness = np.linalg.eigvalsh((A + A.T)[np.ix_(free, free)])
+    assert stiffness[0] > 0
 
 
 def test_touching_at_rest(block: tf.TongueMesh) -> None:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import ufl
@@ -21,13 +22,18 @@ class ContactForms:
     ----------
     contacts : ContactSet
         The obstacles.
-    forms : mapping
-        Obstacle to its form, over all facets that may touch.
+    form : callable
+        Takes the name of an obstacle, returns its form over all facets that may touch; asked for one of each kind of obstacle, in whose
+        place the others can stand.
     """
 
-    def __init__(self, contacts: ContactSet, forms: Mapping[str, ufl.Form]) -> None:
+    def __init__(self, contacts: ContactSet, form: Callable[[str], ufl.Form]) -> None:
         self._contacts = contacts
-        self._compiled = {name: jit.compile_without_data(form, contacts.mesh.comm) for name, form in forms.items()}
+        kinds: dict[Any, tuple[str, fem.CompiledForm]] = {}
+        for name, term in contacts.terms.items():
+            if term.kind not in kinds:
+                kinds[term.kind] = name, jit.compile_without_data(form(name), contacts.mesh.comm)
+        self._compiled = {name: kinds[term.kind] for name, term in contacts.terms.items()}
         self._present: dict[str, tuple[NDArray[np.int32], fem.Form]] = {}
 
     def __iter__(self) -> Iterator[fem.Form]:
@@ -38,13 +44,16 @@ class ContactForms:
         """That of an obstacle."""
         near = self._contacts.terms[name].near
         if name not in self._present or self._present[name][0] is not near:
-            self._present[name] = near, self._over(self._compiled[name], near)
+            self._present[name] = near, self._over(name, near)
         return self._present[name][1]
 
-    def _over(self, compiled: fem.CompiledForm, near: NDArray[np.int32]) -> fem.Form:
+    def _over(self, name: str, near: NDArray[np.int32]) -> fem.Form:
+        other, compiled = self._compiled[name]
+        terms = self._contacts.terms
+        stands = dict(zip(terms[other].data, terms[name].data, strict=True))
         form = compiled.ufl_form
-        (place,) = (integral.subdomain_id() for integral in form.integrals())
+        (place,) = {integral.subdomain_id() for integral in form.integrals()}
         parts = {fem.IntegralType.exterior_facet: [(place, self._contacts.integrals[near].ravel())]}
         spaces = [argument.ufl_function_space() for argument in form.arguments()]
-        coefficients, constants = ({item: item for item in items} for items in (form.coefficients(), form.constants()))
+        coefficients, constants = ({item: stands.get(item, item) for item in items} for items in (form.coefficients(), form.constants()))
         return fem.create_form(compiled, spaces, self._contacts.mesh, parts, coefficients, constants, self._contacts.entity_maps)

@@ -41,20 +41,19 @@ class ContactMeasures:
         mesh = weak.V.mesh
         self._comm = mesh.comm
         F = ufl.Identity(3) + ufl.grad(weak.u)
-        N = ufl.FacetNormal(mesh)
+        N, ds = ufl.FacetNormal(mesh), weak.ds_contact
         cofactor = ufl.det(F) * ufl.inv(F).T * N
         stretch = ufl.sqrt(ufl.dot(cofactor, cofactor))
         w, q = ufl.TestFunction(weak.V), ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
-        values = {}
-        for name, term in weak.contacts.terms.items():
+
+        def pressure(name: str) -> Expr:
+            term = weak.contacts.terms[name]
             stress = weak.surface_stress(weak.u, v) if term.contact.form == "nitsche" else None
-            pressure = term.pressure(term.traction(stress, N))
-            touched = ufl.conditional(ufl.gt(pressure, 0.0), stretch, 0.0)
-            ds = weak.ds_contact
-            values[name] = (pressure * ufl.dot(term.normal, w) * ds, pressure * q * ds, touched * q * ds)
-        self._forces, self._loads, self._areas = (
-            weak.compile_contacts({name: forms[i] for name, forms in values.items()}) for i in range(3)
-        )
+            return term.pressure(term.traction(stress, N))
+
+        self._forces = weak.compile_contacts(lambda name: pressure(name) * ufl.dot(weak.contacts.terms[name].normal, w) * ds)
+        self._loads = weak.compile_contacts(lambda name: pressure(name) * q * ds)
+        self._areas = weak.compile_contacts(lambda name: ufl.conditional(ufl.gt(pressure(name), 0.0), stretch, 0.0) * q * ds)
 
     def evaluate(self) -> ContactState:
         """The present state."""

@@ -71,6 +71,16 @@ class _Term:
         self.near: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.placed = Moved(contact.obstacle, np.eye(3), np.zeros(3))
 
+    @property
+    def kind(self) -> tuple[str, float]:
+        """Of obstacles of one kind all forms are the same but for `data`."""
+        return self.contact.form, self.contact.theta
+
+    @property
+    def data(self) -> list[fem.Function | fem.Constant]:
+        """What its forms depend on."""
+        return [self.gap, self.normal, self.curvature, self.multiplier, self.gamma]
+
     def place(self, t: float) -> None:
         """Put the obstacle where its bone is at time `t` (s)."""
         if self.contact.motion is not None:
@@ -240,18 +250,16 @@ class ContactSet:
         """Derivatives of gaps and normals by the displacement, for `ufl.derivative`."""
         return {f: d for term in self.terms.values() for f, d in ((term.gap, term.normal), (term.normal, term.curvature))}
 
-    def work(self, stress: Expr | None, rest_stress: Expr, w: Expr, ds: ufl.Measure) -> dict[str, Expr]:
-        """Virtual work of each obstacle on `w`, with the stress in the tongue (for Nitsche's method) and that of `w` as a small
+    def work(self, name: str, stress: Expr | None, rest_stress: Expr, w: Expr, ds: ufl.Measure) -> Expr:
+        """Virtual work of an obstacle on `w`, with the stress in the tongue (for Nitsche's method) and that of `w` as a small
         displacement from rest, both in Pa."""
-        N = ufl.FacetNormal(self.mesh)
-        works = {}
-        for name, term in self.terms.items():
-            nitsche = term.contact.form == "nitsche"
-            traction = term.traction(stress if nitsche else None, N)
-            pressure = term.pressure(traction)
-            works[name] = pressure * ufl.dot(term.normal, w) * ds
-            if nitsche and term.contact.theta != 0:
-                change = ufl.dot(term.normal, rest_stress * N)
-                near = ufl.conditional(ufl.lt(term.gap, NEAR), 1.0, 0.0)
-                works[name] -= term.contact.theta * term.gamma * near * (pressure - traction) * change * ds
-        return works
+        term, N = self.terms[name], ufl.FacetNormal(self.mesh)
+        nitsche = term.contact.form == "nitsche"
+        traction = term.traction(stress if nitsche else None, N)
+        pressure = term.pressure(traction)
+        work = pressure * ufl.dot(term.normal, w) * ds
+        if nitsche and term.contact.theta != 0:
+            change = ufl.dot(term.normal, rest_stress * N)
+            near = ufl.conditional(ufl.lt(term.gap, NEAR), 1.0, 0.0)
+            work -= term.contact.theta * term.gamma * near * (pressure - traction) * change * ds
+        return work

@@ -78,7 +78,7 @@ class Forces:
         self.inner = self.pack(weak.inner_work(weak.u, scheme.v, w)) if kernels is None else self._pack(kernels.forces, kernels.spare)
         surface = weak.surface_work(weak.u, scheme.v, w)
         self._surface = [weak.compile(surface)] if isinstance(surface, ufl.Form) else []
-        self._contacts = weak.compile_contacts(weak.contact_work(weak.u, scheme.v, w))
+        self._contacts = weak.compile_contacts(lambda name: weak.contact_work(name, weak.u, scheme.v, w))
 
     def pack(self, form: ufl.Form) -> PackedForm:
         """A form over cells, assembled as these forces are."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -188,9 +188,9 @@ class WeakForm:
 
         return jit.compile_form(thaw(form), self.V.mesh.comm, entity_maps=self.contacts.entity_maps)
 
-    def compile_contacts(self, forms: Mapping[str, ufl.Form]) -> ContactForms:
-        """A form of each obstacle, ready to assemble where it is near; `frozen` becomes `u`."""
-        return ContactForms(self.contacts, {name: self._thaw(form) for name, form in forms.items()})
+    def compile_contacts(self, form: Callable[[str], ufl.Form]) -> ContactForms:
+        """A form of each obstacle, made for its name, ready to assemble where it is near; `frozen` becomes `u`."""
+        return ContactForms(self.contacts, lambda name: self._thaw(form(name)))
 
     def _thaw(self, form: Expr) -> Expr:
         return form if self.frozen is self.u else ufl.replace(form, {self.frozen: self.u})
@@ -225,11 +225,12 @@ class WeakForm:
         return self._beta * self._passive.rest_stress(v)
 
     def surface_stress(self, u: Expr, v: Expr) -> Expr:
-        """First Piola–Kirchhoff stress of tissue, muscles and damping in Pa, to be taken on the surface."""
+        """First Piola–Kirchhoff stress of tissue and muscles in Pa, to be taken on the surface. Without that of damping: of a displacement
+        it makes β/Δt times as much stress as the tissue does, which in a short step outweighs Nitsche's parameter."""
         I = ufl.Identity(3)  # noqa: E741
         assert self.surface_slots is not None
         active = self.surface_slots.stress(self._law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
-        return self.passive_stress(u, surface=True) + active + self.damping_stress(v)
+        return self.passive_stress(u, surface=True) + active
 
     def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
         """Cauchy stress of tissue, muscles and damping in Pa, as a vector of nine."""
@@ -288,10 +289,10 @@ class WeakForm:
         """Virtual work on `w` of muscles from outside and of loads; 0 without any."""
         return sum([*self.outer_work(u, v, w), self.load_work(u, w)])
 
-    def contact_work(self, u: Expr, v: Expr, w: Expr) -> dict[str, Expr]:
-        """Virtual work on `w` of each obstacle."""
+    def contact_work(self, name: str, u: Expr, v: Expr, w: Expr) -> Expr:
+        """Virtual work on `w` of an obstacle."""
         stress = None if self.surface_slots is None else self.surface_stress(u, v)
-        return self.contacts.work(stress, self._passive.rest_stress(w), w, self.ds_contact)
+        return self.contacts.work(name, stress, self._passive.rest_stress(w), w, self.ds_contact)
 
     def load_work(self, u: Expr, w: Expr) -> Expr:
         """Virtual work on `w` of the loads; 0 without any."""
@@ -307,16 +308,15 @@ class WeakForm:
         work = self.suspension(self.u, v, a, w) - self.surface_work(self.u, v, w)
         return ufl.derivative(work, self.u, ufl.TrialFunction(V)) if isinstance(work, ufl.Form) else 0
 
-    def contact_tangent(self, v: Expr, V: fem.FunctionSpace) -> dict[str, Expr]:
-        """Derivative of each obstacle's part of the balance, in displacements of `V`."""
-        works = self.contact_work(self.u, v, ufl.TestFunction(V))
-        du = ufl.TrialFunction(V)
-        return {name: ufl.derivative(-work, self.u, du, self.contacts.derivatives()) for name, work in works.items()}
+    def contact_tangent(self, name: str, v: Expr, V: fem.FunctionSpace) -> Expr:
+        """Derivative of an obstacle's part of the balance, in displacements of `V`."""
+        work = self.contact_work(name, self.u, v, ufl.TestFunction(V))
+        return ufl.derivative(-work, self.u, ufl.TrialFunction(V), self.contacts.derivatives())
 
     def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Balance of forces, tested with `w`."""
         inertia = ufl.inner(self.inertia(v, a), w) * self.dx_mass
-        surface = self.surface_work(u, v, w) + sum(self.contact_work(u, v, w).values())
+        surface = self.surface_work(u, v, w) + sum(self.contact_work(name, u, v, w) for name in self.contacts.terms)
         return self.inner_work(u, v, w) + inertia - surface + self.suspension(u, v, a, w)
 
     def volume_balance(self, q: Expr) -> Expr:

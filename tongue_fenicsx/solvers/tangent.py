@@ -91,7 +91,7 @@ class _Surface:
         weak, scheme = equations.weak, equations.scheme
         surface = weak.surface_tangent(scheme.v, scheme.acceleration, V)
         self._forms = [weak.compile(surface)] if isinstance(surface, ufl.Form) else []
-        self._contacts = weak.compile_contacts(weak.contact_tangent(scheme.v, V))
+        self._contacts = weak.compile_contacts(lambda name: weak.contact_tangent(name, scheme.v, V))
 
     def __iter__(self) -> Iterator[fem.Form]:
         yield from self._forms
