@@ -29,10 +29,9 @@ NITSCHE = 10.0
 much takes three times as many Newton iterations; so it grows only while it is needed."""
 RELAX = 1.2
 """By how much a γ that was made smaller grows again from step to step."""
-NEAR = 1e-3
-"""Gap in m beyond which θ has no effect: elsewhere the surface may bear another obstacle or a roller, so that λ is not nil."""
-REACH = 2e-3
-"""Gap in m beyond which an obstacle bears nothing, whatever the stress at the surface: so the facets that are farther need no assembly."""
+REACH = 1e-3
+"""Gap in m beyond which an obstacle does nothing, whatever the stress at the surface, which may bear another obstacle or a roller there: so
+the facets that are farther need no assembly."""
 SOFTER = 10.0
 """How much softer obstacles are in the first stage of a step whose solve fails."""
 DEGREE = 4
@@ -111,7 +110,11 @@ class _Term:
 
     def pressure(self, traction: Expr) -> Expr:
         """[λ − g/γ]₊ in Pa per area at rest, nil beyond `REACH`."""
-        return ufl.conditional(ufl.lt(self.gap, REACH), ufl.max_value(traction - self.gap / self.gamma, 0.0), 0.0)
+        return self.near_only(ufl.max_value(traction - self.gap / self.gamma, 0.0))
+
+    def near_only(self, value: Expr) -> Expr:
+        """A value, 0 beyond `REACH`."""
+        return ufl.conditional(ufl.lt(self.gap, REACH), value, 0.0)
 
 
 class ContactSet:
@@ -260,6 +263,5 @@ class ContactSet:
         work = pressure * ufl.dot(term.normal, w) * ds
         if nitsche and term.contact.theta != 0:
             change = ufl.dot(term.normal, rest_stress * N)
-            near = ufl.conditional(ufl.lt(term.gap, NEAR), 1.0, 0.0)
-            work -= term.contact.theta * term.gamma * near * (pressure - traction) * change * ds
+            work -= term.contact.theta * term.gamma * term.near_only(pressure - traction) * change * ds
         return work
