@@ -156,7 +156,8 @@ class LinearSolvers:
             "mg_coarse_ksp_type": "preonly",
         }
         if self._linear.dofmap.index_map.size_global * 3 <= DIRECT_COARSE_MAX:
-            settings |= {"mg_coarse_pc_type": "lu", "mg_coarse_pc_factor_mat_solver_type": "mumps"}
+            solver = {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}  # on each rank the whole: on several, MUMPS repeats no bit
+            settings |= {"mg_coarse_pc_type": "redundant"} | {f"mg_coarse_redundant_{key}": value for key, value in solver.items()}
         else:
             settings |= {"mg_coarse_pc_type": "gamg"}
         self._options.put(pc.getOptionsPrefix() or "", settings)
