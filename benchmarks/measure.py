@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -26,7 +27,7 @@ from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
 from tongue_fenicsx.testing import box, with_fibres
 
-from .timing import EVENTS, Finished, run, seconds
+from .timing import EVENTS, Finished, Row, run, seconds, steady
 
 CHAPTER = Path(__file__).with_name("chapter.toml")
 PRESETS: dict[str, dict[str, Any]] = {
@@ -34,9 +35,6 @@ PRESETS: dict[str, dict[str, Any]] = {
     "ν = 0.499": {"nu": 0.499, "mixed": False},
     "ν = 0.4999, mixed": {"nu": 0.4999, "mixed": True},
 }
-
-REPEATS = 40
-"""Over n: how often a step of a block is timed."""
 
 
 def mesh(preset: str | float, folder: Path) -> Path:
@@ -48,7 +46,7 @@ def mesh(preset: str | float, folder: Path) -> Path:
     return path
 
 
-def assembly(file: Path, repeats: int) -> dict[str, dict[str, float]]:
+def assembly(file: Path) -> dict[str, Row]:
     """µs per cell for residual and tangent, with GGP alone and with all muscles."""
     tongue = tf.TongueMesh.read(file)
     cells = tongue.mesh.topology.index_map(3).size_global
@@ -58,25 +56,24 @@ def assembly(file: Path, repeats: int) -> dict[str, dict[str, float]]:
         equations = Equations(weak, GeneralizedAlpha(weak.u))
         newton = Newton(equations, Tolerances(), print)
         equations.forces.repack()
-        times = {
-            "residual": median(seconds(equations.forces.unbalanced) for _ in range(repeats)),
-            "tangent": median(seconds(newton._tangent.assemble) for _ in range(repeats)),
-        }
+        times = steady(partial(_assemble, equations, newton))
         found[name] = {key: 1e6 * value / cells for key, value in times.items()}
         newton.destroy()
     return found
 
 
-def solver(n: int, preset: dict[str, Any]) -> dict[str, float]:
-    """One step of 5 ms of a block of 12 n³ tetrahedra, fibres at half activation: what a Newton iteration costs, in s; small blocks, which
-    take a moment, by the median of several runs."""
+def _assemble(equations: Equations, newton: Newton) -> Row:
+    return {"residual": seconds(equations.forces.unbalanced), "tangent": seconds(newton._tangent.assemble)}
+
+
+def solver(n: int, preset: dict[str, Any]) -> Row:
+    """One step of 5 ms of a block of 12 n³ tetrahedra, fibres at half activation: what a Newton iteration costs, in s."""
     tissue = replace(tf.Tissue.calka(), law=tf.Yeoh(192.0, 90.0, preset["nu"]))
     model = tf.Model(with_fibres(box((0.06, 0.03, 0.03), (2 * n, n, n))), tissue, fixed=["wall"], mixed=preset["mixed"])
-    rows = [_one_step(model) for _ in range(max(1, REPEATS // n))]
-    return {name: median(row[name] for row in rows) for name in rows[0]}
+    return steady(lambda: _one_step(model))
 
 
-def _one_step(model: tf.Model) -> dict[str, float]:
+def _one_step(model: tf.Model) -> Row:
     before = {event: PETSc.Log.Event(event).getPerfInfo()["time"] for of in EVENTS.values() for event in of}
     stepping = tf.Stepping(step_max=5e-3, output_every=5e-3)
     with tempfile.TemporaryDirectory() as folder:
@@ -90,7 +87,7 @@ def _one_step(model: tf.Model) -> dict[str, float]:
     return row | {"total": sum(row[name] for name in EVENTS)}
 
 
-def sweep(file: Path, n: int) -> dict[str, float]:
+def sweep(file: Path, n: int) -> Row:
     """One step with each of `n` values of stress, stiffness, activation and step, from an empty cache: how many forms the first compiles,
     and how many all others; s of the first, and the median of the others."""
     tongue = tf.TongueMesh.read(file)
@@ -109,7 +106,7 @@ def sweep(file: Path, n: int) -> dict[str, float]:
     return found | {"seconds": median(times[1:]), "first (s)": times[0]}
 
 
-def exponent(rows: list[dict[str, float]], name: str = "total") -> float:
+def exponent(rows: list[Row], name: str = "total") -> float:
     """p of the fit cost ∝ unknownsᵖ."""
     return float(np.polyfit(np.log([row["unknowns"] for row in rows]), np.log([row[name] for row in rows]), 1)[0])
 
@@ -129,7 +126,7 @@ def chapter(file: Path, folder: Path, step: float, ranks: int = 1) -> Finished:
     return run(CHAPTER, folder / f"{file.stem}-{1e3 * step:g}ms-{ranks}", f"mesh.file={file.resolve()}", f"time.step={step}", ranks=ranks)
 
 
-def time_steps(file: Path, folder: Path, steps: list[float]) -> Iterator[dict[str, float]]:
+def time_steps(file: Path, folder: Path, steps: list[float]) -> Iterator[Row]:
     """Error of the trajectories against the last, smallest step, and cost."""
     runs = {step: chapter(file, folder, step) for step in steps}
     finest = folder / f"{file.stem}-{1e3 * steps[-1]:g}ms-1"

@@ -16,6 +16,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import numpy as np
+
+Row = dict[str, float]
 EVENTS = {
     "tangent": ("SNESJacobianEval",),
     "residual": ("TongueResidual",),
@@ -61,9 +64,25 @@ def run(scenario: Path, output: Path, *changes: str, ranks: int = 1, environment
     return Finished(json.loads((output / "summary.json").read_text()), seconds, events)
 
 
-def repeated(work: Callable[[], float], times: int) -> float:
-    """The median of a measurement."""
-    return median(work() for _ in range(times))
+STEADY, PATIENCE = 0.02, 20.0
+"""How well a median must be known, relative to it, and the seconds after which what is known must do."""
+
+
+def steady(work: Callable[[], Row]) -> Row:
+    """The medians of a row of measurements, which is repeated until they are known."""
+    rows: list[Row] = []
+    start = time.perf_counter()
+    while len(rows) < 3 or (time.perf_counter() - start < PATIENCE and not _known(rows)):
+        rows.append(work())
+    return {key: median(row[key] for row in rows) for key in rows[0]}
+
+
+def _known(rows: list[Row]) -> bool:
+    """Whether the standard errors of medians, by the median deviations of the values (normal ones), are small."""
+    values = np.array([list(row.values()) for row in rows])
+    middle = np.median(values, axis=0)
+    error = 1.2533 * 1.4826 * np.median(abs(values - middle), axis=0) / np.sqrt(len(rows))
+    return len(rows) >= 7 and bool((error <= STEADY * abs(middle)).all())
 
 
 def seconds(work: Callable[[], object]) -> float:

@@ -9,21 +9,42 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from benchmarks import measure, stress
+from benchmarks import measure, stress, timing
 
 
-def test_assembly(tongue_file: Path) -> None:
+def test_assembly(tongue_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A residual costs less than a tangent."""
-    for times in measure.assembly(tongue_file, 1).values():
+    monkeypatch.setattr(timing, "PATIENCE", 0.0)
+    for times in measure.assembly(tongue_file).values():
         assert 0 < times["residual"] < times["tangent"]
 
 
 @pytest.mark.parametrize("preset", measure.PRESETS.values(), ids=list(measure.PRESETS))
 def test_a_step(preset: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
     """Every part of a Newton iteration on a small block takes time."""
-    monkeypatch.setattr(measure, "REPEATS", 1)
+    monkeypatch.setattr(timing, "PATIENCE", 0.0)
     PETSc.Log.begin()
     assert all(value > 0 for value in measure.solver(2, preset).values())
+
+
+def test_steady(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row is repeated until its medians are known, outliers or not, or until patience ends."""
+    noise = np.random.default_rng(1).lognormal(0.0, 0.1, 10_000)
+    calls = iter(noise)
+    done = []
+
+    def work() -> timing.Row:
+        done.append(1)
+        return {"even": 2.0, "uneven": float(next(calls))}
+
+    row = timing.steady(work)
+    assert row["even"] == 2.0
+    assert 20 < len(done) < 200
+    assert row["uneven"] == pytest.approx(1.0, rel=3 * timing.STEADY)
+    monkeypatch.setattr(timing, "PATIENCE", 0.0)
+    done.clear()
+    timing.steady(work)
+    assert len(done) == 3
 
 
 def test_profiles() -> None:
