@@ -28,23 +28,22 @@ def test_a_step(preset: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_steady(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A row is repeated until its medians are known, outliers or not, or until patience ends."""
-    noise = np.random.default_rng(1).lognormal(0.0, 0.1, 10_000)
-    calls = iter(noise)
-    done = []
+    """A row is repeated until its medians are known: seven times if it hardly varies, more if it does, three if patience ends."""
 
-    def work() -> timing.Row:
-        done.append(1)
-        return {"even": 2.0, "uneven": float(next(calls))}
+    def times(spread: float) -> int:
+        rng, done = np.random.default_rng(1), []
 
-    row = timing.steady(work)
-    assert row["even"] == 2.0
-    assert 20 < len(done) < 200
-    assert row["uneven"] == pytest.approx(1.0, rel=3 * timing.STEADY)
+        def work() -> timing.Row:
+            done.append(float(rng.lognormal(0.0, spread)))
+            return {"even": 2.0, "uneven": done[-1]}
+
+        assert timing.steady(work) == {"even": 2.0, "uneven": np.median(done)}
+        return len(done)
+
+    assert times(0.001) == 7
+    assert 20 < times(0.3) < 2000
     monkeypatch.setattr(timing, "PATIENCE", 0.0)
-    done.clear()
-    timing.steady(work)
-    assert len(done) == 3
+    assert times(0.3) == 3
 
 
 def test_profiles() -> None:

@@ -107,7 +107,7 @@ def test_while_it_draws(command: list[str], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("shell", "said"), [("{}", "/tongue_fenicsx"), ("{} | head -c 1", "c"), ("{} > /dev/full 2>&1", ""), ("{} >&- 2>&- <&-", "")]
+    ("shell", "said"), [("{}", "/tongue_fenicsx"), ("{} | head -c 1", "w"), ("{} > /dev/full 2>&1", ""), ("{} >&- 2>&- <&-", "")]
 )
 def test_terminals(tmp_path: Path, shell: str, said: str) -> None:
     """A command goes on where nobody reads, the device is full, or nothing is open; what an encoding lacks is replaced."""
