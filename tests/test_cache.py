@@ -196,6 +196,6 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert not generation.exists()
     distances = cache.open_cache(cache.DISTANCES)
     cache.provide(distances / "palate", make)
-    assert "distances from 1 obstacles, 0.0 MB\n" in say("--clear", "--old")
+    assert "obstacles: 1 distances, 0.0 MB\n" in say("--clear", "--old")
     assert say("--clear").endswith("removed\n")
     assert not distances.exists()

@@ -148,6 +148,18 @@ def test_solvers_do_not_see_each_other(block: tf.TongueMesh) -> None:
     assert set(PETSc.Options().getAll()) == before
 
 
+def test_the_user_sets_how_accurate_linear_solves_are(block: tf.TongueMesh) -> None:
+    """An option for all solvers is not overruled, neither by the tolerances nor by what Newton's method needs."""
+    PETSc.Options()["tongue_cg_pmg_ksp_rtol"] = "1e-9"
+    try:
+        simulation = tf.Simulation(bar(block), probes={}, stepping=SHORT)
+        simulation.run({"GGP": tf.ramp(0.01, 0.1)}, t_end=0.005)
+    finally:
+        PETSc.Options().delValue("tongue_cg_pmg_ksp_rtol")
+    (ksp,) = simulation._prepare(["GGP_L"])._newton._linear._made.values()
+    assert ksp.getTolerances()[0] == 1e-9
+
+
 @pytest.mark.parametrize(
     ("activation", "sentence"),
     [({"GGP": 1.0}, "activation.GGP: 1.0; a course"), (3, "activation: 3; a mapping"), ({"GPP": tf.ramp(0.1, 0.1)}, "did you mean GGP")],

@@ -13,7 +13,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from ..core import cache
-from ..core.cache import DISTANCES
 from ..core.errors import InputError
 from ..core.types import Floats
 from ..core.values import Direction, Flag, Length, Point, checked
@@ -244,8 +243,9 @@ def _sample(points: bytes, triangles: bytes, spacing: float, band: float) -> tup
     long triangles; kept in memory and on disk, as it takes seconds for a bone and all runs meet the same bones."""
     from scipy import ndimage
 
-    made_of = (points, triangles, repr((spacing, band, version("vtk"))).encode(), Path(__file__).read_bytes())
-    entry = cache.open_cache(DISTANCES) / hashlib.sha256(b"".join(map(bytes, made_of))).hexdigest()
+    code = (Path(__file__).with_name(name).read_bytes() for name in ("obstacles.py", "surface.py"))
+    made_of = b"".join([points, triangles, repr((spacing, band, version("vtk"))).encode(), *code])
+    entry = cache.open_cache(cache.DISTANCES) / hashlib.sha256(made_of).hexdigest()
     surface = Surface(np.frombuffer(points).reshape(-1, 3), np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3))
     cache.provide(entry, lambda folder: _compute(surface, spacing, band, folder / GRID))
     with np.load(entry / GRID) as grid:

@@ -63,6 +63,7 @@ class LinearSolvers:
             self.ladder = ("fgmres+schur", "mumps")
         self.iterations = 0
         self._made: dict[str, PETSc.KSP] = {}
+        self._strictest: dict[str, float] = {}
         self._pressure_matrix: PETSc.Mat | None = None
 
     def destroy(self) -> None:
@@ -78,9 +79,10 @@ class LinearSolvers:
                 pc.getMGCoarseSolve().setOperators(self._coarse)  # or they would keep what they made of the last one
                 pc.getMGSmoother(1).setOperators(self._A)
 
-    def aim(self, ksp: PETSc.KSP, residual: float, enough: float) -> None:
+    def aim(self, residual: float, enough: float) -> None:
         """Solve no more accurately than it takes to shrink a residual (N) of Newton's method to what is enough."""
-        ksp.setTolerances(rtol=max(self._rtol, min(AIM * enough / max(residual, enough), LOOSEST)))
+        for rung, ksp in self._made.items():
+            ksp.setTolerances(rtol=max(self._strictest[rung], min(AIM * enough / max(residual, enough), LOOSEST)))
 
     def renew(self) -> None:
         """Follow a change of the tissue's numbers."""
@@ -114,6 +116,7 @@ class LinearSolvers:
                     self._set_multigrid(ksp.getPC())
             ksp.setFromOptions()
             ksp.setMonitor(weakly(self._count))
+            self._strictest[rung] = ksp.getTolerances()[0]  # by now what the user has set
             self._made[rung] = ksp
         return self._made[rung]
 

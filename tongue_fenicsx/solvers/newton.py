@@ -21,6 +21,7 @@ from .linear import LinearSolvers
 from .options import SolverOptions
 from .rigid_bodies import RigidBodies
 from .tangent import Tangent
+from .time_integration import QuasiStatic
 from .tolerances import Tolerances
 
 GUESS = 0.1
@@ -198,7 +199,8 @@ class Newton:
         if self._bodies is not None:
             self._bodies.tangent(self._tangent.matrix, self._operator)
         self._linear.update()
-        self._linear.aim(snes.getKSP(), float(snes.getFunction()[0].norm()), self._enough)
+        if not isinstance(self._equations.scheme, QuasiStatic):  # the next guess extrapolates what is left of an equilibrium's residual
+            self._linear.aim(float(snes.getFunction()[0].norm()), self._enough)
 
 
 def _name(code: int, kind: Any = PETSc.SNES) -> str:

@@ -28,8 +28,12 @@ def cache(
     console.print(f"what runs share is in {store.place()}")
     for folder in store.generations():
         n, size = store.measure(folder)
-        forms = f"DOLFINx {folder.name.replace('-', ', processor ')}: {n} forms"
-        line = f"{f'distances from {n} obstacles' if folder.name == store.DISTANCES else forms}, {size / 1e6:.1f} MB"
+        what = (
+            f"obstacles: {n} distances"
+            if folder.name == store.DISTANCES
+            else f"DOLFINx {folder.name.replace('-', ', processor ')}: {n} forms"
+        )
+        line = f"{what}, {size / 1e6:.1f} MB"
         if clear and not (old and folder.name in (generation, store.DISTANCES)):
             try:
                 busy = store.clear(folder)
