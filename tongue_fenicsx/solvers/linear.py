@@ -63,7 +63,7 @@ class LinearSolvers:
             self.ladder = ("fgmres+schur", "mumps")
         self.iterations = 0
         self._made: dict[str, PETSc.KSP] = {}
-        self._strictest: dict[str, float] = {}
+        self._set_by_user: set[str] = set()
         self._pressure_matrix: PETSc.Mat | None = None
 
     def destroy(self) -> None:
@@ -80,9 +80,9 @@ class LinearSolvers:
                 pc.getMGSmoother(1).setOperators(self._A)
 
     def aim(self, residual: float, enough: float) -> None:
-        """Solve no more accurately than it takes to shrink a residual (N) of Newton's method to what is enough."""
-        for rung, ksp in self._made.items():
-            ksp.setTolerances(rtol=max(self._strictest[rung], min(AIM * enough / max(residual, enough), LOOSEST)))
+        """Solve no more accurately than it takes to shrink a residual (N) of Newton's method to what is enough, unless the user says how."""
+        for rung in self._made.keys() - self._set_by_user:
+            self._made[rung].setTolerances(rtol=max(self._rtol, min(AIM * enough / max(residual, enough), LOOSEST)))
 
     def renew(self) -> None:
         """Follow a change of the tissue's numbers."""
@@ -116,7 +116,8 @@ class LinearSolvers:
                     self._set_multigrid(ksp.getPC())
             ksp.setFromOptions()
             ksp.setMonitor(weakly(self._count))
-            self._strictest[rung] = ksp.getTolerances()[0]  # by now what the user has set
+            if ksp.getTolerances()[0] != self._rtol:
+                self._set_by_user.add(rung)
             self._made[rung] = ksp
         return self._made[rung]
 
