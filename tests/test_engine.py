@@ -16,6 +16,7 @@ from tongue_fenicsx.geometry.obstacles import Plane
 from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.simulation.engine import Engine
 from tongue_fenicsx.solvers.newton import Newton, Outcome
+from tongue_fenicsx.solvers.options import SolverOptions
 from tongue_fenicsx.testing import with_fibres
 
 from petsc4py import PETSc  # isort: skip
@@ -133,6 +134,7 @@ def test_a_rejected_step_leaves_no_trace(block: tf.TongueMesh, monkeypatch: pyte
 
 def test_solvers_do_not_see_each_other(block: tf.TongueMesh) -> None:
     """Options of one solver are its own, and gone when it is."""
+    SolverOptions()  # sets those that stay for all
     gc.collect()
     before = set(PETSc.Options().getAll())
     one, two = (tf.Simulation(bar(block, mixed=mixed), probes={}, stepping=SHORT) for mixed in (False, True))

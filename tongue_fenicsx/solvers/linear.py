@@ -80,7 +80,7 @@ class LinearSolvers:
                 pc.getMGSmoother(1).setOperators(self._A)
 
     def aim(self, residual: float, enough: float) -> None:
-        """Solve no more accurately than it takes to shrink a residual (N) of Newton's method to what is enough, unless the user says how."""
+        """Solve no more accurately than it takes to shrink a residual (N) of Newton's method to what is enough; or as the user says."""
         for rung in self._made.keys() - self._set_by_user:
             self._made[rung].setTolerances(rtol=max(self._rtol, min(AIM * enough / max(residual, enough), LOOSEST)))
 
