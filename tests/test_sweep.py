@@ -5,17 +5,20 @@ from __future__ import annotations
 
 import csv
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from itertools import pairwise
+from functools import partial
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
+from killing import killed_at
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
@@ -336,18 +339,49 @@ def test_interrupted(base: Path, tmp_path: Path) -> None:
     assert len(rows(tmp_path)) == len(list(plan.over()))
 
 
-def test_under_mpiexec(base: Path, whole: Path, tmp_path: Path) -> None:
-    """Two ranks, one run each at a time: the same table."""
+def under_mpiexec(base: Path, output: Path, *options: str) -> list[dict[str, str]]:
+    """The sweep on two ranks."""
     mpiexec = Path(sys.executable).with_name("mpiexec")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
-    tongue = [sys.executable, "-m", "tongue_fenicsx", "sweep", str(base), "-o", str(tmp_path), *VARY]
+    tongue = [sys.executable, "-m", "tongue_fenicsx", "sweep", str(base), "-o", str(output), *VARY, *options]
     done = subprocess.run(
         [str(mpiexec), "-n", "2", *tongue], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, env=environment
     )
     assert done.returncode == 0, done.stdout + done.stderr
+    return rows(output)
+
+
+def test_under_mpiexec(base: Path, whole: Path, tmp_path: Path) -> None:
+    """Two ranks, one run each at a time: the same table."""
+    under_mpiexec(base, tmp_path)
     assert (tmp_path / "table.csv").read_bytes() == (whole / "table.csv").read_bytes()
     logs = [(tmp_path / "logs" / f"worker-{rank}.log").read_text() for rank in (0, 1)]
     assert all("begins" in log for log in logs)
+
+
+def test_ranks_that_share_a_run(base: Path, whole: Path, tmp_path: Path) -> None:
+    """Two ranks for each run: the same but for the last digits, from one worker."""
+    for ours, theirs in zip(under_mpiexec(base, tmp_path, "--ranks-per-run", "2"), rows(whole), strict=True):
+        assert ours["status"] == theirs["status"]
+        if ours["status"] == "done":
+            assert float(ours["end_z_m"]) == pytest.approx(float(theirs["end_z_m"]), rel=1e-6)
+    assert tf.Run(tmp_path / "runs" / "00000").summary["ranks"] == 2
+    assert [path.name for path in (tmp_path / "logs").glob("*.log")] == ["worker-0.log"]
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_killed_at_any_write(base: Path, whole: Path, tmp_path: Path) -> None:
+    """A sweep killed at twelve of its touches of files, spread over it: the same call ends with the same table and the same fields."""
+    total = next(n for n in count(50, 50) if not killed_at(tmp_path / "counted", n, partial(workers_of, base, tmp_path / "counted")))
+    struck = 0
+    for n in range(0, total, total // 12):
+        folder = tmp_path / f"killed-{n}"
+        struck += killed_at(folder, n, partial(workers_of, base, folder))
+        workers_of(base, folder)
+        for name in ("table.csv", "fields.h5"):
+            assert (folder / name).read_bytes() == (whole / name).read_bytes(), n
+        shutil.rmtree(folder)
+    assert struck > 9
 
 
 def test_workers_that_cannot_be() -> None:
