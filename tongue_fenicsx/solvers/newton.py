@@ -26,6 +26,8 @@ from .tolerances import Tolerances
 
 GUESS = 0.1
 """Share of the residual of the first guess that counts as the forces on the supports do; alone, where nothing is held."""
+EQUILIBRIUM = 0.3
+"""Share of the relative tolerance that an equilibrium may take."""
 RESIDUAL = PETSc.Log.Event("TongueResidual")
 """In PETSc's log, the residuals with those that shortening a step takes."""
 
@@ -65,6 +67,8 @@ class Newton:
         if weak.pressure is not None:  # the norm of the residual hardly sees the balance of volume
             tolerances = tolerances.no_looser_than("tight")
         scheme, V = equations.scheme, weak.V
+        if isinstance(scheme, QuasiStatic):
+            tolerances = replace(tolerances, rtol=EQUILIBRIUM * tolerances.rtol)
         self._tangent = Tangent(equations)
         suspension = weak.suspension(weak.u, scheme.v, scheme.acceleration, ufl.TestFunction(V))
         self._suspension = weak.compile(suspension) if isinstance(suspension, ufl.Form) else None

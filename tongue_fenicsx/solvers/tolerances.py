@@ -18,7 +18,8 @@ class Tolerances:
     Attributes
     ----------
     rtol : float
-        Residual over the forces on the supports, or over a tenth of the residual of the first guess where that is more.
+        Residual over the forces on the supports, or over a tenth of the residual of the first guess where that is more; in an equilibrium,
+        which no inertia holds and nothing after it forgets, three tenths of that.
     atol : float
         Residual in N that is always small enough.
     linear : float
@@ -31,7 +32,7 @@ class Tolerances:
         Depth in m that is accepted in an obstacle, where a `Contact` names none.
     """
 
-    rtol: Below1 = 3e-3
+    rtol: Below1 = 1e-2
     atol: Annotated[float, Real("N", low=0, above=True)] = 1e-9
     linear: Below1 = 1e-2
     max_newton: Annotated[int, Real(low=1, high=1000, whole=True)] = 15
@@ -68,6 +69,6 @@ class Tolerances:
 ACCURACIES = {
     "trajectory": Tolerances(),
     "tight": Tolerances(rtol=1e-5, linear=1e-3, penetration=0.05e-3),
-    "preview": Tolerances(rtol=1e-2, linear=3e-2, step=10e-3, penetration=2e-4),
+    "preview": Tolerances(rtol=3e-2, linear=3e-2, step=10e-3, penetration=2e-4),
 }
 Accuracy = Annotated[str, OneOf(names=ACCURACIES)]
