@@ -101,6 +101,14 @@ def test_eight_processes(entry: Path) -> None:
     assert sorted(said) == [""] * 7 + ["made\n"]
 
 
+def test_a_folder_that_many_try_at_once(tmp_path: Path) -> None:
+    """A folder counts as writable however many processes make sure of it in the same instant."""
+    head = "import sys; from pathlib import Path; from tongue_fenicsx.core.errors import check_outputs"
+    code = f"{head}\nfor _ in range(2000): check_outputs(Path(sys.argv[1]))"
+    processes = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stderr=subprocess.PIPE, text=True) for _ in range(3)]
+    assert [process.communicate(timeout=60)[1] for process in processes] == [""] * 3
+
+
 def test_waiting_says_so(entry: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Whoever waits for another says for what."""
     entry.parent.mkdir()

@@ -79,7 +79,7 @@ def check_outputs(folder: Path, names: Iterable[str] = ()) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.touch()
-        probe.unlink()
+        probe.unlink(missing_ok=True)  # another process may have tried the same
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); give a folder that you may write to.") from error
     for path in (folder / name for name in names):
