@@ -152,10 +152,10 @@ def test_palate(tongue: tf.TongueMesh) -> None:
 def test_orientation(tongue: tf.TongueMesh) -> None:
     """Normals that point away from the tongue are refused."""
     palate = tongue.bones["palate"]
-    check_orientation(palate, "palate", tongue.mesh.geometry.x)
+    check_orientation(Triangulated(palate), "palate", tongue.mesh.geometry.x)
     turned = Surface(palate.points, palate.triangles[:, ::-1].copy())
     with pytest.raises(tf.InputError, match=r"palate: .* must point to the free side"):
-        check_orientation(turned, "palate", tongue.mesh.geometry.x)
+        check_orientation(Triangulated(turned), "palate", tongue.mesh.geometry.x)
 
 
 @pytest.mark.parametrize(

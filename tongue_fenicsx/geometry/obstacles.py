@@ -23,6 +23,8 @@ LARGEST, NEAREST = 30_000_000, 2_000_000
 """Nodes of a grid of distances at most, a cube of 0.23 m, and nodes within the band of a face at most, 0.05 m². More take minutes, and a
 tongue reaches no farther."""
 BAND = 5e-3
+TRUSTED = 0.8
+"""Share of the band within which distances are used: beyond it the spline feels the end of the grid."""
 GRID = "grid.npz"
 EDGE = 4.0
 """Radius in grid spacings below which a convex edge is the grid's, not the surface's: the Hessian takes it for an edge of this radius,
@@ -211,9 +213,9 @@ class Triangulated:
         place = (points - self._origin) / self.spacing
         within = np.flatnonzero(np.all((place >= 1) & (place < np.array(self._coefficients.shape) - 2), axis=1))
         at_node = self._values[tuple(np.rint(place[within]).astype(np.int64).T)]
-        within = within[at_node <= 0.8 * self.band + self.spacing]  # the others are farther
+        within = within[at_node <= TRUSTED * self.band + self.spacing]  # the others are farther
         D = self._derivatives(place[within])
-        near = D[:, 0, 0, 0] <= 0.8 * self.band
+        near = D[:, 0, 0, 0] <= TRUSTED * self.band
         within, D = within[near], D[near]
         first = np.eye(3, dtype=np.int64)
         second = first[:, None] + first
@@ -309,31 +311,28 @@ def _beside_rim(surface: Surface, points: Floats) -> Floats:
     return distance
 
 
-def check_orientation(surface: Surface, name: str, free_points: Floats, band: float = BAND) -> None:
+def check_orientation(obstacle: Triangulated, name: str, free_points: Floats) -> None:
     """Make sure that the normals of an obstacle point to the free side; of one that is far away, by the free points nearest to it.
 
     Parameters
     ----------
-    surface : Surface
-        The obstacle.
+    obstacle : Triangulated
+        Points within its band count, if there are any.
     name : str
         Of the obstacle, for the message.
     free_points : (n, 3) or (3,) float array
         Points in m on the free side, such as those of the tongue at rest.
-    band : float
-        Distance in m within which they count, if there are any so near.
 
     Raises
     ------
     InputError
         If more than half of the points that count are behind the surface.
     """
-    points = np.atleast_2d(free_points)
-    near = np.all((points >= surface.points.min(axis=0) - band) & (points <= surface.points.max(axis=0) + band), axis=1)
-    gap = surface.signed_distance(points[near]) if near.any() else np.zeros(0)
+    points, band = np.atleast_2d(free_points), TRUSTED * obstacle.band
+    gap = obstacle.evaluate(points)[0]
     gap = gap[abs(gap) < band]
     if len(gap) == 0 and len(points):
-        gap = _beside_rim(surface, points)
+        gap = _beside_rim(obstacle.surface, points)
         band = 1.2 * float(abs(gap).min())
         gap = gap[abs(gap) < band]
     behind = int(np.sum(gap < 0))

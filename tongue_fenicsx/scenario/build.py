@@ -122,9 +122,10 @@ def _obstacle(name: str, section: ContactSection, tongue: TongueMesh) -> Obstacl
         raise InputError(
             f"contact.{name}: the surface {source} is {size:g} m long; 0.001 to 1 m is accepted, so convert its unit to metres."
         )
-    check_orientation(surface, f"contact.{name}", tongue.mesh.geometry.x)
     with within(f"contact.{name}"):
-        return Triangulated(surface)
+        found = Triangulated(surface)
+    check_orientation(found, f"contact.{name}", tongue.mesh.geometry.x)
+    return found
 
 
 class Workbench:
