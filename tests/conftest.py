@@ -6,9 +6,10 @@ from __future__ import annotations
 import gc
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -155,3 +156,32 @@ def _collect_together() -> Iterator[None]:
     if MPI.COMM_WORLD.size > 1:
         gc.collect()
         MPI.COMM_WORLD.barrier()
+
+
+Browser = Callable[..., Any]
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Opens a page in Chromium without a window; each set of options is one browser."""
+    selenium = pytest.importorskip("selenium.webdriver")
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("Chromium and its driver are not installed")
+    opened: dict[tuple[str, ...], Any] = {}
+
+    def browse(path: Path, *flags: str) -> Any:
+        if flags not in opened:
+            options = selenium.ChromeOptions()
+            options.binary_location = chromium
+            software = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+            for flag in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1000,1000", *(flags or software)):
+                options.add_argument(flag)
+            options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+            opened[flags] = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
+        opened[flags].get(path.as_uri())
+        return opened[flags]
+
+    yield browse
+    for window in opened.values():
+        window.quit()

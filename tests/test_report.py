@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from conftest import Browser
 from PIL import Image
 from test_cli import tongue as command
 
@@ -314,35 +315,6 @@ print(sorted({{"dolfinx", "petsc4py", "ufl", "matplotlib.pyplot"}} & set(sys.mod
 """
     done_ = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done_.stdout.splitlines()[-1] == "[]"
-
-
-Browser = Callable[..., Any]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Opens a page in Chromium without a window; each set of options is one browser."""
-    selenium = pytest.importorskip("selenium.webdriver")
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if chromium is None or driver is None:
-        pytest.skip("Chromium and its driver are not installed")
-    opened: dict[tuple[str, ...], Any] = {}
-
-    def browse(path: Path, *flags: str) -> Any:
-        if flags not in opened:
-            options = selenium.ChromeOptions()
-            options.binary_location = chromium
-            software = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-            for flag in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1000,1000", *(flags or software)):
-                options.add_argument(flag)
-            options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-            opened[flags] = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
-        opened[flags].get(path.as_uri())
-        return opened[flags]
-
-    yield browse
-    for window in opened.values():
-        window.quit()
 
 
 def pixels(window: Any) -> np.ndarray:

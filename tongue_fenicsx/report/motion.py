@@ -59,7 +59,7 @@ class Shared:
 
     def put(self, values: NDArray[Any], kind: str) -> int:
         """The number of an array among them."""
-        return self._numbers.setdefault(_pack(values, kind), len(self._numbers))
+        return self._numbers.setdefault(pack(values, kind), len(self._numbers))
 
     def put_surface(self, surface: Surface) -> dict[str, int]:
         """The numbers of the ``points`` in mm and ``triangles`` of an obstacle, with `OBSTACLE` triangles at most."""
@@ -112,7 +112,7 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
         "rest": shared.put(1e3 * points[nodes], "<f4"),
         "triangles": shared.put(triangles, "<u4"),
         "unit": unit,
-        "displacement": _pack((u / unit).round(), "<i2"),
+        "displacement": pack((u / unit).round(), "<i2"),
         "obstacles": [_obstacle(run, name, surface, kept, shared) for name, surface in run.obstacles_at_rest.items()],
     }
 
@@ -137,5 +137,6 @@ def strain(run: Run) -> tuple[Floats, Floats, Floats]:
     return times, np.array(mean), np.array(high)
 
 
-def _pack(values: NDArray[Any], kind: str) -> str:
+def pack(values: NDArray[Any], kind: str) -> str:
+    """An array of a kind of numbers in base64."""
     return base64.b64encode(values.astype(kind).tobytes()).decode()

@@ -99,7 +99,7 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool, limit: int, sha
         "page.html",
         title=_title(list(runs)),
         style=include("page.css"),
-        script=include("viewer.js"),
+        script=include("stage.js") + include("viewer.js"),
         data={"largest": max(m["largest"] for m in motions), "shared": shared.texts, "runs": motions},
         labels=list(runs),
         together=_together(runs) if len(runs) > 1 else "",
