@@ -102,12 +102,14 @@ def random_activations(
     spacing: tuple[float, float] = (0.05, 0.15),
     rest: float = 0.3,
     sides: str = "together",
+    hold: float = 0.0,
 ) -> list[Change]:
     """Random piecewise linear activations, from rest.
 
     The knots of a muscle follow each other at intervals from the uniform distribution between the bounds of `spacing`, until `end` is
-    passed. At each of them the muscle is at rest with the probability `rest`, else at a level from the uniform distribution between the
-    bounds of `level`. Run, muscle and side are independent of each other: neither more runs nor more muscles change the others.
+    passed. At each of them the muscle is where it was with the probability `hold`, else at rest with the probability `rest`, else at a
+    level from the uniform distribution between the bounds of `level`. Run, muscle and side are independent of each other: neither more
+    runs nor more muscles change the others.
 
     Parameters
     ----------
@@ -125,6 +127,8 @@ def random_activations(
         Shortest and longest time between knots in s.
     rest : float
         Probability of rest at a knot.
+    hold : float
+        Probability that a muscle stays where it is at a knot.
     sides : str
         ``together``, or ``apart``: then each side of a muscle has its own.
     """
@@ -143,6 +147,8 @@ def random_activations(
             duration = round(float(random.uniform(*spacing)), 5)
             drawn = round(float(random.uniform(*level)), 4)
             target = 0.0 if random.random() < rest else drawn
+            if hold and random.random() < hold:
+                target = before
             pieces.append([duration, before, target])
             t, before = t + duration, target
         return pieces

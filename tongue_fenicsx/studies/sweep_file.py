@@ -58,6 +58,7 @@ class RandomSection(Section):
     level: tuple[Share, Share] = (0.0, 1.0)
     spacing: tuple[Duration, Duration] = (0.05, 0.15)
     rest: Share = 0.3
+    hold: Share = 0.0
     sides: Annotated[str, OneOf(names=designs.SIDES)] = "together"
 
     @model_validator(mode="after")
@@ -132,7 +133,7 @@ def load(path: Path, changes: Sequence[str] | None = None) -> tuple[dict[str, An
         end = base["time"].get("end") if isinstance(base.get("time"), dict) else None
         if not isinstance(end, int | float):
             raise InputError(f"{path}: random_activations: a base with a number as time.end is expected.")
-        distribution = {name: getattr(given, name) for name in ("level", "spacing", "rest", "sides")}
+        distribution = {name: getattr(given, name) for name in ("level", "spacing", "rest", "hold", "sides")}
         parts.append(designs.random_activations(given.muscles, given.n, given.seed, end, **distribution))
     return base, folder, designs.product(*parts)
 
