@@ -87,7 +87,7 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
     wall, part = _wall(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = arc_length(wall)
     outputs = range(len(run.output_times)) if outputs is None else outputs
-    distance = [nearest(wall, outline(section(grids(run, index)[1]))) for index in outputs]
+    distance = [nearest(wall, outline(grids(run, index)[1], 1)) for index in outputs]
     return Airway(run.output_times[list(outputs)], wall, part, along, np.array(distance))
 
 

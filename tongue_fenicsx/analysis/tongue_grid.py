@@ -65,11 +65,9 @@ def section(grid: pv.UnstructuredGrid) -> pv.PolyData:
     return beside.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, plane, 0.0)).triangulate()
 
 
-def outline(section: pv.PolyData) -> Floats:
-    """The border of a mid-sagittal section, lines (n, 2, 2) of x and z in mm."""
-    whole = section.clean(tolerance=1e-3, absolute=True)
-    edges = whole.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False)
-    return _lines(edges)
+def outline(grid: pv.UnstructuredGrid, subdivision: int = 2) -> Floats:
+    """Where the mid-sagittal plane cuts the `skin` of a grid, lines (n, 2, 2) of x and z in mm."""
+    return _lines(skin(grid, subdivision).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0)))
 
 
 def cut(surface: Surface, grid: pv.UnstructuredGrid) -> Floats:

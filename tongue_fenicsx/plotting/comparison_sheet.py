@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..analysis.comparison import Comparison
 from ..analysis.moments import check_moment, ends, obstacles_at
-from ..analysis.tongue_grid import cut, grids_at, outline, section
+from ..analysis.tongue_grid import cut, grids_at, outline
 from ..core.errors import InputError
 from ..runs.run import Run
 from .canvas import BACKWARD, BONE
@@ -75,7 +75,7 @@ def _draw_contours(axes: Axes, comparison: Comparison, styles: Sequence[Style]) 
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for run, t, (dash, colour) in zip(comparison.runs.values(), comparison.times, styles, strict=True):
         grids = grids_at(run, t)
-        rest, moved = (outline(section(grid)) for grid in grids)
+        rest, moved = (outline(grid) for grid in grids)
         axes.add_collection(LineCollection(rest, colors=REST, linewidths=1, zorder=1))
         axes.add_collection(LineCollection(moved, colors=colour, linestyles=dash, linewidths=1.5, zorder=2))
         for surface in obstacles_at(run, t).values():
