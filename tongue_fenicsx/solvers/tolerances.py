@@ -69,6 +69,6 @@ class Tolerances:
 ACCURACIES = {
     "trajectory": Tolerances(),
     "tight": Tolerances(rtol=1e-5, linear=1e-3, penetration=0.05e-3),
-    "preview": Tolerances(rtol=3e-2, linear=3e-2, step=10e-3, penetration=2e-4),
+    "preview": Tolerances(rtol=1e-2, linear=3e-2, step=10e-3, penetration=2e-4),
 }
 Accuracy = Annotated[str, OneOf(names=ACCURACIES)]
