@@ -97,6 +97,10 @@ def test_random_activations() -> None:
     apart = designs.random_activations(["GGP", "SL", "HG_L"], 1, 7, 0.35, sides="apart")[0]
     assert list(apart) == ["activation.GGP_L", "activation.GGP_R", "activation.SL", "activation.HG_L"]
     assert apart["activation.GGP_L"] != apart["activation.GGP_R"]
+    held = designs.random_activations(["GGP"], 400, 7, 0.35, rest=0.25, hold=0.4)
+    pieces = np.array([piece for change in held for piece in change["activation.GGP"][1:]])
+    still = pieces[:, 1] == pieces[:, 2]
+    assert np.mean(still[pieces[:, 1] > 0]) == pytest.approx(0.4, abs=0.05)
 
 
 def test_table(tmp_path: Path) -> None:
