@@ -16,7 +16,7 @@ export OMP_NUM_THREADS := 1
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
 	$(BIN)/tongue run demos/ggp.toml -o runs/ggp --overwrite
-	@echo "Look at runs/ggp/figures/*.png; open runs/ggp/fields.xdmf in ParaView."
+	@echo "Look at runs/ggp/figures/*.png; open runs/ggp/fields.xdmf in ParaView. Play with a tongue in real time: .venv/bin/tongue live"
 
 QUICK := activation documents engine kinematics seams timestep tissue values
 
@@ -50,7 +50,7 @@ endif
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 12))' || { \
 		echo "$(PYTHON) is older than Python 3.12, which is needed; name a newer one: make PYTHON=/path/to/python3.13" >&2; exit 2; }
 	"$(PYTHON)" -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[wheel,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[wheel,dev,rom]'
 	@touch $@
 
 clean:

@@ -193,7 +193,8 @@ def test_one_version() -> None:
 
 
 @pytest.mark.parametrize(
-    "room", ["core", "geometry", "anatomy", "mechanics", "forms", "solvers", "runs", "simulation", "analysis", "scenario", "studies"]
+    "room",
+    ["core", "geometry", "anatomy", "mechanics", "forms", "solvers", "runs", "simulation", "analysis", "reduced", "scenario", "studies"],
 )
 def test_a_room_lists_its_modules(room: str) -> None:
     """So tab completion shows them, and the list is whole."""

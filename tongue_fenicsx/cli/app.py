@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The command ``tongue``: each module of `commands` is one, by its function of the same name."""
+"""The command ``tongue``: each module of `commands` is one, by its function, or its group of them, of the same name."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for _module in iter_modules(commands.__path__):
-    app.command()(getattr(import_module(f"{commands.__name__}.{_module.name}"), _module.name))
+    _command = getattr(import_module(f"{commands.__name__}.{_module.name}"), _module.name)
+    if isinstance(_command, typer.Typer):
+        app.add_typer(_command, name=_module.name)
+    else:
+        app.command()(_command)
 
 
 def main(arguments: list[str] | None = None) -> None:

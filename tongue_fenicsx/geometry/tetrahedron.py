@@ -5,10 +5,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.types import Floats
+from ..core.types import Floats, Ints
+
+SIDES = np.array([[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9], [0, 2, 1, 6, 5, 4]])
+"""The sides of a quadratic tetrahedron in VTK order: three corners, counter-clockwise from outside, and the nodes between them."""
+
+QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+"""A side cut into four."""
 
 
 def volumes(corners: Floats) -> Floats:
     """Volume of each tetrahedron, (n,), of corners (n, 4, 3): positive in the order of Gmsh and DOLFINx."""
     a, b, c, d = np.moveaxis(corners, 1, 0)
     return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6)
+
+
+def boundary(cells: Ints, most: int | None = None) -> tuple[Ints, Ints]:
+    """The surface of quadratic tetrahedra (n_cells, 10): its nodes, (n,), and triangles, (m, 3), counter-clockwise from outside.
+
+    Triangles count within the nodes. Each side of a tetrahedron is four triangles, or one where there would be more than `most` nodes.
+    """
+    sides = cells[:, SIDES].reshape(-1, 6)
+    _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    sides = sides[first[count == 1]]
+    triangles = sides[:, :3] if most is not None and len(np.unique(sides)) > most else sides[:, QUARTERS].reshape(-1, 3)
+    nodes, places = np.unique(triangles, return_inverse=True)
+    return nodes, places.reshape(-1, 3)

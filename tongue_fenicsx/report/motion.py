@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
-from ..geometry.tetrahedron import volumes
+from ..geometry.tetrahedron import boundary, volumes
 from ..runs.run import Run
 
 FINE = 20_000
@@ -20,29 +20,10 @@ FINE = 20_000
 OBSTACLE = 12_000
 """Triangles of an obstacle that are shown at most."""
 
-SIDES = np.array([[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9], [0, 2, 1, 6, 5, 4]])
-"""The sides of a quadratic tetrahedron in VTK order: three corners, counter-clockwise from outside, and the nodes between them."""
-
-QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-"""A side cut into four."""
-
 
 def evenly(n: int, at_most: int) -> Ints:
     """At most so many of the numbers 0 … n − 1, evenly spread, with the first and the last."""
     return np.unique(np.linspace(0, n - 1, min(n, at_most)).round().astype(np.int64))
-
-
-def boundary(cells: Ints) -> tuple[Ints, Ints]:
-    """The surface of quadratic tetrahedra (n_cells, 10): its nodes, (n,), and triangles, (m, 3), counter-clockwise from outside.
-
-    Triangles count within the nodes. Each side of a tetrahedron is four triangles, or one where the surface is `FINE`.
-    """
-    sides = cells[:, SIDES].reshape(-1, 6)
-    _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
-    sides = sides[first[count == 1]]
-    triangles = sides[:, :3] if len(np.unique(sides)) > FINE else sides[:, QUARTERS].reshape(-1, 3)
-    nodes, places = np.unique(triangles, return_inverse=True)
-    return nodes, places.reshape(-1, 3)
 
 
 class Shared:
@@ -99,7 +80,7 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
     outputs = run.output_times
     kept = evenly(len(outputs), frames)
     points, cells = run.mesh
-    nodes, triangles = boundary(cells)
+    nodes, triangles = boundary(cells, FINE)
     u = 1e3 * np.array([run.field("displacement", int(index))[nodes] for index in kept])
     if not np.isfinite(u).all():
         raise ValueError("a displacement is not finite")

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: MIT
+"""The reduced tongue: memories by closed forms, what holds for any weights, and one that is made from nothing."""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from conftest import Browser
+from test_cli import tongue as command
+
+import tongue_fenicsx as tf
+from tongue_fenicsx.core.errors import InputError
+from tongue_fenicsx.geometry.surface import Surface
+from tongue_fenicsx.geometry.tetrahedron import boundary
+from tongue_fenicsx.reduced.basis import coordinates_of, modes_of
+from tongue_fenicsx.reduced.network import fade
+from tongue_fenicsx.reduced.tongue import ReducedTongue
+from tongue_fenicsx.reduced.training import Sequences, initial, train
+from tongue_fenicsx.report.live import live_page
+from tongue_fenicsx.report.serving import serve
+from tongue_fenicsx.scenario.files import load
+
+MUSCLES = ["GGP", "SL"]
+
+
+def any_tongue(seed: int = 0, doubt: float = 1.0) -> ReducedTongue:
+    """A single tetrahedron with weights that nobody trained."""
+    random = np.random.default_rng(seed)
+    points = np.vstack([np.zeros(3), np.eye(3), np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]]) / 2]) * 0.01
+    modes = random.standard_normal((4, 10, 3))
+    return ReducedTongue(points, np.arange(10)[None], modes, initial(len(MUSCLES), 4, seed), MUSCLES, {}, {"doubt": doubt, "rest": {}})
+
+
+def test_memories_fade_exactly() -> None:
+    """One step is as many, and a ramp is followed with a lag of one time constant."""
+    whole = fade(0.03, 0.2, 0.1, 0.7, 0.02)
+    half = fade(0.03, fade(0.03, 0.2, 0.1, 0.4, 0.01), 0.4, 0.7, 0.01)
+    assert whole == pytest.approx(half, rel=1e-12)
+    assert fade(0.03, 0.0, 0.0, 5.0, 5.0) == pytest.approx(5.0 - 0.03, rel=1e-9)
+    assert fade(0.03, 1.0, 0.0, 0.0, 0.03) == pytest.approx(np.exp(-1), rel=1e-12)
+
+
+def test_rest_and_hold() -> None:
+    """With any weights: rest stays rest, a hold comes to rest wherever it came from, and what was before is forgotten."""
+    one, other = any_tongue(), any_tongue()
+    for _ in range(20):
+        assert not one.step({}, 0.005).any()
+    for i in range(40):
+        one.step({"GGP": 0.5 + 0.5 * np.sin(i), "SL": 0.3}, 0.005)
+    for tongue in (one, other):
+        for dt in (0.005, 5.0):
+            tongue.step({"GGP": 0.4}, dt)
+    np.testing.assert_allclose(one.coordinates, other.coordinates, atol=1e-6)
+    held = one.coordinates
+    np.testing.assert_allclose(one.step({"GGP": 0.4}, 5.0), held, atol=1e-6)
+    assert np.linalg.norm(held) > 0.1
+    one.reset()
+    assert (one.time, one.doubt, abs(one.coordinates).max()) == (0.0, 0.0, 0.0)
+
+
+def test_a_long_step_is_many(tmp_path: Path) -> None:
+    """And a tongue that was saved is the same within the digits of the file."""
+    one, other = any_tongue(), any_tongue()
+    one.step({"GGP": 0.6}, 0.02)
+    for i in range(1, 5):
+        other.step({"GGP": 0.15 * i}, 0.005)
+    np.testing.assert_allclose(one.coordinates, other.coordinates, rtol=1e-12)
+    one.save(tmp_path / "tongue.npz")
+    again = ReducedTongue.load(tmp_path / "tongue.npz")
+    again.step({"GGP": 0.6}, 0.02)
+    np.testing.assert_allclose(again.displacement(), one.displacement(), atol=1e-3 * abs(one.displacement()).max())
+    assert again.doubt == pytest.approx(one.doubt, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("levels", "dt", "message"),
+    [({"GGX": 0.5}, 0.01, "GGX: .*it has GGP, SL"), ({"GGP": 1.5}, 0.01, "GGP: 1.5; an activation"), ({}, -1.0, "dt: -1.0; a positive")],
+)
+def test_bad_steps(levels: dict[str, float], dt: float, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        any_tongue().step(levels, dt)
+
+
+def test_modes() -> None:
+    """Shapes are independent, have a mean square of one, and give back what they are made of."""
+    random = np.random.default_rng(0)
+    displacement = np.einsum("ik,knd->ind", random.standard_normal((30, 3)), random.standard_normal((3, 8, 3)))
+    modes = modes_of(displacement, 3)
+    np.testing.assert_allclose(np.einsum("and,bnd->ab", modes, modes) / 8, np.eye(3), atol=1e-9)
+    back = 1e-3 * np.einsum("ik,knd->ind", coordinates_of(displacement, modes), modes)
+    np.testing.assert_allclose(back, displacement, atol=1e-9)
+    with pytest.raises(ValueError, match="no 4 independent"):
+        modes_of(displacement, 4)
+
+
+def test_training_learns_a_lag() -> None:
+    """Coordinates that follow the activation with a lag are found from runs of different steps, one shorter than the other."""
+    pytest.importorskip("optax")
+    random, n = np.random.default_rng(1), 60
+    h = random.uniform(2e-3, 5e-3, (16, n))
+    levels = np.concatenate([np.zeros((16, 1, 2)), np.cumsum(random.uniform(-0.1, 0.12, (16, n, 2)), axis=1).clip(0, 1)], axis=1)
+    lag = np.zeros((16, n + 1, 2))
+    for i in range(n):
+        lag[:, i + 1] = fade(0.05, lag[:, i], levels[:, i], levels[:, i + 1], h[:, i, None])
+    known = np.ones((16, n + 1), dtype=bool)
+    known[0, n // 2 :] = False
+    said: list[float] = []
+    weights = train(Sequences(h, levels, 5 * lag, known), iterations=600, seed=0, report=lambda i, error: said.append(error))
+    assert said[-1] < 0.1 * 5 * lag.std()
+    tongue = any_tongue()
+    tongue = ReducedTongue(tongue.points, tongue.cells, tongue.modes[:2], weights, MUSCLES, {}, tongue.told)
+    q, _ = tongue.sequence(np.concatenate([[0.0], np.cumsum(h[1])]), levels[1])
+    assert np.sqrt(((q - 5 * lag[1]) ** 2).mean()) < 0.1 * 5 * lag.std()
+
+
+def test_a_browser_computes_the_same(tmp_path: Path, browser: Browser) -> None:
+    """The page, from disk: the surface after some steps is Python's to 1e-4 mm; play moves it, what is exported is a scenario, and nothing
+    is logged."""
+    tongue = any_tongue()
+    palate = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.0, 0.0, 0.02)))
+    told = {"doubt": 0.7, "rest": {"tip": [0.01, 0, 0]}, "tissue": {"preset": "buchaillard"}, "mesh": "coarse", "runs": 2}
+    tongue = ReducedTongue(
+        tongue.points, tongue.cells, 3 * tongue.modes, tongue.weights, MUSCLES, {"bone": palate}, told | {"contact": ["palate"]}
+    )
+    tongue.save(tmp_path / "tongue.npz")
+    tongue = ReducedTongue.load(tmp_path / "tongue.npz")
+    (tmp_path / "page.html").write_bytes(live_page(tongue))
+    window = browser(tmp_path / "page.html")
+    steps = [([0.3, 0.0], 0.005), ([0.8, 0.2], 0.016), ([0.8, 0.9], 0.033), ([0.0, 0.9], 0.2)]
+    surface = window.execute_script(
+        "live.reset(); for (const [levels, dt] of arguments[0]) live.step(levels, dt); return [live.surface(), live.model.doubt];", steps
+    )
+    for levels, dt in steps:
+        tongue.step(dict(zip(MUSCLES, levels, strict=True)), dt)
+    nodes, _ = boundary(tongue.cells)
+    np.testing.assert_allclose(surface[0], 1e3 * (tongue.points + tongue.displacement())[nodes].ravel(), atol=1e-4)
+    assert surface[1] == pytest.approx(tongue.doubt, rel=1e-5)
+    window.find_element("id", "play").click()
+    window.execute_async_script("setTimeout(arguments[0], 300)")
+    assert window.execute_script("return live.model.time") > 0
+    window.find_element("id", "play").click()
+    (tmp_path / "live.toml").write_text(window.execute_script("return live.toml()"))
+    assert load(tmp_path / "live.toml").activation["GGP"].course()(0.2) == pytest.approx(0.5)
+    assert window.execute_script("return live.csv()").splitlines()[5] == "0.2,0.5,0"
+    assert not [entry for entry in window.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+
+
+def test_served_page() -> None:
+    """It is there, its own questions are answered, those of other pages are not; a port that is taken is said."""
+    told: queue.Queue[str] = queue.Queue()
+    arguments = (b"<p>page</p>", 0, False, told.put, lambda text: {"heard": text})
+    threading.Thread(target=serve, args=arguments, daemon=True).start()
+    address = told.get(timeout=10)
+
+    def ask(origin: str) -> bytes:
+        question = urllib.request.Request(f"{address}check", b"[time]", {"Origin": origin})
+        return bytes(urllib.request.urlopen(question, timeout=10).read())
+
+    assert urllib.request.urlopen(address, timeout=10).read() == b"<p>page</p>"
+    assert json.loads(ask(address.rstrip("/"))) == {"heard": "[time]"}
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        ask("http://elsewhere.example")
+    with pytest.raises(InputError, match=r"--port \d+: cannot be had"):
+        serve(b"", int(address.rstrip("/").rpartition(":")[2]), False, told.put, lambda text: {})
+
+
+SWEEP = """
+[base]
+mesh = {{ file = "{mesh}" }}
+tissue = {{ preset = "buchaillard" }}
+time = {{ end = 0.1, step = 0.01 }}
+output = {{ every = 0.01 }}
+contact = {{ palate = {{}} }}
+[random_activations]
+n = {n}
+seed = {seed}
+muscles = ["GGP", "MH"]
+level = [0.0, 0.5]
+"""
+
+
+@pytest.mark.slow
+def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Sweep, train, test and run: a small one follows runs of another seed, its folder is that of a run, and its page is whole."""
+    pytest.importorskip("optax")
+    for name, n, seed in (("learn", 10, 1), ("judge", 2, 2)):
+        (tmp_path / f"{name}.toml").write_text(SWEEP.format(mesh=tongue_file, n=n, seed=seed))
+        code, said = command(capsys, "sweep", tmp_path / f"{name}.toml", "-o", tmp_path / name)
+        assert code == 0, said
+    model = tmp_path / "tongue.npz"
+    code, said = command(capsys, "rom", "train", tmp_path / "learn", "-o", model, "--modes", "8", "--iterations", "300")
+    assert code == 0, said
+    assert "9 runs, 99 states" in said
+    code, said = command(capsys, "rom", "test", model, tmp_path / "judge")
+    assert code == 0, said
+    mean = dict(zip(*(map(str.strip, line.split("|")[1:-1]) for line in (said.splitlines()[0], said.splitlines()[-1])), strict=True))
+    assert float(mean["mean"]) < 0.4 * float(mean["movement"])
+    scenario = tmp_path / "judge" / "runs" / "00000" / "scenario.toml"
+    code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")
+    assert code == 0, said
+    reduced, full = tf.Run(tmp_path / "run"), tf.Run(scenario.parent)
+    assert np.array_equal(reduced.output_times, full.output_times)
+    assert np.linalg.norm(reduced.probes["dorsum"][-1] - full.probes["dorsum"][-1]) < 2e-3
+    code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")
+    assert (code, "--overwrite" in said) == (2, True), said
+    code, said = command(capsys, "live", model, "--save", tmp_path / "page.html")
+    assert code == 0, said
+    assert "http://www.w3.org" in (page := (tmp_path / "page.html").read_text())
+    assert page.count("http") == page.count("http://www.w3.org")

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: MIT
+"""The reduced tongue: loaded from a file, stepped through time; needs NumPy only."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError, reading
+from ..core.files import at_once
+from ..core.types import Floats, Ints
+from ..geometry.surface import Surface
+from .network import answer, fade, features
+
+SUFFIX = ".npz"
+SHIPPED = Path(__file__).with_name("data")
+STEP = 5e-3
+"""Longest step in s; a longer one is taken in several."""
+
+
+class ReducedTongue:
+    """A tongue that is a few coordinates of shapes and memories of what its muscles did.
+
+    Parameters
+    ----------
+    points : (n_nodes, 3) float array
+        Rest shape in m.
+    cells : (n_cells, 10) int array
+        Quadratic tetrahedra in VTK order.
+    modes : (n_modes, n_nodes, 3) float array
+        Shapes, each with a mean square of one.
+    weights : mapping
+        See `network.Weights`; coordinates are in mm.
+    muscles : sequence of str
+        Names of the activations, in order.
+    bones : mapping
+        Name to surface of what lies around it at rest.
+    told : mapping
+        Where it comes from: ``tissue`` preset, ``mesh``, ``contact``, ``seeds`` of the runs, ``rest`` places of the landmarks in m,
+        ``doubt`` (mm of error for a mm of disagreement), and more.
+
+    Attributes
+    ----------
+    time : float
+        In s, since the last `reset`.
+    coordinates : (n_modes,) float array
+        In mm.
+    doubt : float
+        Expected mean error of the nodes in mm, from how much the networks disagree.
+    """
+
+    def __init__(
+        self,
+        points: Floats,
+        cells: Ints,
+        modes: Floats,
+        weights: Mapping[str, Floats],
+        muscles: Sequence[str],
+        bones: Mapping[str, Surface],
+        told: Mapping[str, Any],
+    ) -> None:
+        self.points, self.cells, self.modes = points, cells, modes
+        self.muscles, self.bones, self.told = list(muscles), dict(bones), dict(told)
+        self.weights = {name: np.asarray(value, dtype=float) for name, value in weights.items()}
+        self._taus = [np.exp(self.weights[f"log_tau{layer}"]) for layer in (1, 2)]
+        self.reset()
+
+    @classmethod
+    def load(cls, path: str | Path) -> ReducedTongue:
+        """Read it from a file.
+
+        Raises
+        ------
+        InputError
+            If the file is not one that `save` wrote.
+        """
+        with reading(Path(path), "a reduced tongue, as tongue rom train writes it,"), np.load(path) as file:
+            told = json.loads(str(file["told"]))
+            modes = file["modes"] * file["scales"][:, None, None]
+            weights = {name.removeprefix("weights/"): file[name] for name in file.files if name.startswith("weights/")}
+            surfaces = [(name, file[f"bones/{i}/points"], file[f"bones/{i}/triangles"]) for i, name in enumerate(told.pop("bones"))]
+            bones = {name: Surface(points.astype(float), triangles.astype(np.int64)) for name, points, triangles in surfaces}
+            return cls(file["points"], file["cells"].astype(np.int64), modes, weights, told.pop("muscles"), bones, told)
+
+    @classmethod
+    def shipped(cls, tissue: str = "buchaillard") -> ReducedTongue:
+        """One that comes with the package, of the coarse tongue in a tissue.
+
+        Raises
+        ------
+        InputError
+            If there is none of this tissue.
+        """
+        found = sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
+        if tissue not in found:
+            raise InputError(f"tissue: there is no reduced tongue of {tissue!r}; one of {', '.join(found)} is expected.")
+        return cls.load(SHIPPED / f"{tissue}{SUFFIX}")
+
+    def save(self, path: str | Path) -> None:
+        """Write it into a file: shapes in 16 bits, weights in single precision.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        scales = self.scales
+        arrays: dict[str, Any] = {
+            "points": self.points,
+            "cells": self.cells.astype(np.int32),
+            "modes": np.round(self.modes / scales[:, None, None]).astype(np.int16),
+            "scales": scales,
+            "told": np.array(json.dumps({**self.told, "muscles": self.muscles, "bones": list(self.bones)})),
+            **{f"weights/{name}": value.astype(np.float32) for name, value in self.weights.items()},
+        }
+        for i, bone in enumerate(self.bones.values()):
+            arrays |= {f"bones/{i}/points": bone.points.astype(np.float32), f"bones/{i}/triangles": bone.triangles.astype(np.int32)}
+        with at_once(Path(path)) as partial, open(partial, "wb") as file:
+            np.savez_compressed(file, **arrays)
+
+    @property
+    def scales(self) -> Floats:
+        """A unit for each shape, (n_modes,), in which 16 bits hold it."""
+        return np.asarray(abs(self.modes).max(axis=(1, 2)) / 32767)
+
+    def reset(self) -> None:
+        """Back to rest, with all muscles relaxed."""
+        n = len(self.weights["V"])
+        self.time, self.doubt = 0.0, 0.0
+        self.coordinates = np.zeros(len(self.modes))
+        self._levels = np.zeros((n, 1, len(self.muscles)))
+        self._seen = [np.zeros((n, 1, tau.shape[-1])) for tau in self._taus]
+        self._memories = [np.zeros_like(seen) for seen in self._seen]
+
+    def check(self, muscle: str) -> None:
+        """Refuse a muscle that it does not have.
+
+        Raises
+        ------
+        InputError
+            If it is not one of `muscles`.
+        """
+        if muscle not in self.muscles:
+            raise InputError(f"activation.{muscle}: the reduced tongue has no such muscle; it has {', '.join(self.muscles)}.")
+
+    def step(self, levels: Mapping[str, float], dt: float) -> Floats:
+        """Go on by `dt` seconds in which each muscle goes linearly to its new level.
+
+        Parameters
+        ----------
+        levels : mapping
+            Muscle to activation, 0…1; those that are not named relax.
+        dt : float
+            In s.
+
+        Returns
+        -------
+        (n_modes,) float array
+            The coordinates.
+
+        Raises
+        ------
+        InputError
+            If a muscle is not known, a level not within 0…1 or `dt` not positive.
+        """
+        if not (np.isfinite(dt) and dt > 0):
+            raise InputError(f"dt: {dt}; a positive number of seconds is expected.")
+        for name, level in levels.items():
+            self.check(name)
+            if not 0 <= level <= 1:
+                raise InputError(f"levels.{name}: {level}; an activation from 0 to 1 is expected.")
+        target = np.array([levels.get(name, 0.0) for name in self.muscles])
+        start, n = self._levels.copy(), int(np.ceil(dt / STEP - 1e-9))
+        for i in range(1, n + 1):
+            self._advance(start + (target - start) * (i / n), dt / n)
+        return self.coordinates
+
+    def _advance(self, levels: Floats, h: float) -> None:
+        everything = levels
+        for i, tau in enumerate(self._taus):
+            seen = features(self.weights, i + 1, everything)
+            self._memories[i] = fade(tau, self._memories[i], self._seen[i], seen, h)
+            self._seen[i] = seen
+            everything = np.concatenate([everything, self._memories[i]], axis=-1)
+        answers = answer(self.weights, everything)[:, 0]
+        self._levels, self.time = levels, self.time + h
+        self.coordinates = answers.mean(axis=0)
+        self.doubt = self.told.get("doubt", 1.0) * float(np.sqrt(((answers - self.coordinates) ** 2).sum(axis=1).mean()))
+
+    def displacement(self, coordinates: Floats | None = None) -> Floats:
+        """Displacement in m of all nodes, (…, n_nodes, 3), for coordinates (…, n_modes) in mm; by default the present ones."""
+        q = self.coordinates if coordinates is None else coordinates
+        return 1e-3 * (q @ self.modes.reshape(len(self.modes), -1)).reshape(*q.shape[:-1], *self.points.shape)
+
+    def sequence(self, time: Floats, levels: Floats) -> tuple[Floats, Floats]:
+        """Coordinates (n_t, n_modes) in mm and doubt (n_t,) in mm from rest at ``time[0]``, for levels (n_t, n_muscles)."""
+        self.reset()
+        coordinates, doubt = np.zeros((len(time), len(self.modes))), np.zeros(len(time))
+        for i in range(1, len(time)):
+            self.step(dict(zip(self.muscles, map(float, levels[i]), strict=True)), time[i] - time[i - 1])
+            coordinates[i], doubt[i] = self.coordinates, self.doubt
+        return coordinates, doubt

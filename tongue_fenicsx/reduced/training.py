@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: MIT
+"""Training of the fading memories on many runs; needs JAX and Optax, the extra ``rom``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.types import Bools, Floats
+from .network import answer, fade, features
+
+WIDTHS = 96, 128, 128
+"""Functions of the two layers of memories, and of the last."""
+NETWORKS = 3
+FASTEST, SLOWEST = 4e-3, 0.3
+"""Time constants in s that training begins with."""
+BATCH = 12
+"""Runs that an iteration learns from."""
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """Runs that were followed.
+
+    Attributes
+    ----------
+    h : (n_runs, n_steps) float array
+        Steps in s; a run that is over before others goes on with steps at which it is not known.
+    levels : (n_runs, n_steps + 1, n_muscles) float array
+        Activations at their ends, and at the beginning.
+    coordinates : (n_runs, n_steps + 1, n_modes) float array
+        In mm.
+    known : (n_runs, n_steps + 1) bool array
+        Where there are coordinates.
+    """
+
+    h: Floats
+    levels: Floats
+    coordinates: Floats
+    known: Bools
+
+
+def initial(n_muscles: int, n_modes: int, seed: int) -> dict[str, Floats]:
+    """Weights of `NETWORKS` networks, drawn at random."""
+    random = np.random.default_rng(seed)
+    sees = np.cumsum([n_muscles, *WIDTHS[:2]])
+
+    def drawn(rows: int, columns: int, size: float) -> Floats:
+        return np.asarray(size * random.standard_normal((NETWORKS, rows, columns)) / np.sqrt(rows))
+
+    weights: dict[str, Floats] = {}
+    for layer, (rows, columns) in enumerate(zip(sees, WIDTHS, strict=True), 1):
+        weights[f"W{layer}"] = drawn(rows, columns, 2.0 if layer == 1 else 1.0)
+        weights[f"b{layer}"] = drawn(1, columns, 0.5)
+    for layer, columns in enumerate(WIDTHS[:2], 1):
+        weights[f"log_tau{layer}"] = np.tile(np.linspace(np.log(FASTEST), np.log(SLOWEST), columns), (NETWORKS, 1, 1))
+    return weights | {"V": drawn(sees[-1], n_modes, 0.3), "U": drawn(WIDTHS[-1], n_modes, 0.3)}
+
+
+def train(runs: Sequences, *, iterations: int, seed: int, report: Callable[[int, float], object]) -> dict[str, Floats]:
+    """Weights with which networks follow runs.
+
+    Parameters
+    ----------
+    runs : Sequences
+        From rest.
+    iterations : int
+        Of Adam (Kingma and Ba 2015), with a rate that falls as a cosine does.
+    seed : int
+        Of the weights that it begins with, and of the order of the runs.
+    report : callable
+        Is told now and then the number of the iteration and the root mean square of the error in mm.
+
+    Raises
+    ------
+    InputError
+        If JAX or Optax is not installed.
+    """
+    try:
+        import jax
+        import jax.numpy as jnp
+        import optax
+    except ImportError as missing:
+        raise InputError(f'tongue rom train needs {missing.name}; pip install "tongue_fenicsx[rom]" installs it.') from missing
+
+    def remember(tau: Any, seen: Any, h: Any) -> Any:  # seen (networks, runs, times, functions)
+        along = jnp.moveaxis(seen, 2, 0)
+
+        def go(memory: Any, step: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+            memory = fade(tau, memory, *step, jnp.exp)
+            return memory, memory
+
+        _, memories = jax.lax.scan(go, jnp.zeros_like(along[0]), (along[:-1], along[1:], h.T[:, :, None]))
+        return jnp.moveaxis(jnp.concatenate([jnp.zeros_like(along[:1]), memories]), 0, 2)
+
+    def error(weights: Any, h: Any, a: Any, q: Any, known: Any) -> Any:
+        wide = {name: value[:, None] for name, value in weights.items()}  # one more axis, of runs
+        everything = jnp.broadcast_to(a, (len(weights["V"]), *a.shape))
+        for layer in (1, 2):
+            seen = features(wide, layer, everything, jnp.tanh)
+            everything = jnp.concatenate([everything, remember(jnp.exp(weights[f"log_tau{layer}"]), seen, h)], axis=-1)
+        wrong = ((answer(wide, everything, jnp.tanh) - q) ** 2).sum(axis=-1)
+        return (wrong * known).sum() / (known.sum() * len(wrong))
+
+    schedule = optax.warmup_cosine_decay_schedule(0.0, 3e-3, max(1, iterations // 50), iterations, 1e-6)
+    optimizer = optax.chain(optax.clip_by_global_norm(10.0), optax.adam(schedule))
+
+    def improve(weights: Any, state: Any, *batch: Any) -> Any:
+        value, gradient = jax.value_and_grad(error)(weights, *batch)
+        change, state = optimizer.update(gradient, state, weights)
+        return optax.apply_updates(weights, change), state, value
+
+    data = [np.asarray(values, dtype=np.float32) for values in (runs.h, runs.levels, runs.coordinates, runs.known)]
+    weights: Any = {name: np.asarray(value, dtype=np.float32) for name, value in initial(data[1].shape[2], data[2].shape[2], seed).items()}
+    state = optimizer.init(weights)
+    random, improved = np.random.default_rng(seed), jax.jit(improve)
+    for i in range(iterations):
+        chosen = random.choice(len(data[0]), min(BATCH, len(data[0])), replace=False)
+        weights, state, value = improved(weights, state, *(values[chosen] for values in data))
+        if i % 100 == 99 or i == iterations - 1:
+            report(i + 1, float(np.sqrt(value)))
+    return {name: np.asarray(value, dtype=float) for name, value in weights.items()}

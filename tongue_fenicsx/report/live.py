@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""A page in which a reduced tongue lives: it computes in the browser, and needs nothing from outside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..analysis.electropalatogram import PALATES, REACH, electrodes
+from ..anatomy.catalogue import CATALOGUE
+from ..core.types import Floats, Ints
+from ..geometry.surface import Surface
+from ..geometry.tetrahedron import boundary
+from ..reduced.tongue import STEP, ReducedTongue
+from .motion import Shared, pack
+from .templating import include, render
+
+PLANE = 1e-6
+"""In m: nodes so near y = 0 are on the mid-plane, where a mirrored mesh has its faces."""
+TRAILS = ("tip", "dorsum", "root")
+
+
+def live_page(tongue: ReducedTongue) -> bytes:
+    """The page as HTML in UTF-8, with the model, its surface and the bones in it.
+
+    Parameters
+    ----------
+    tongue : ReducedTongue
+        As trained.
+    """
+    nodes, triangles = boundary(tongue.cells)
+    points, modes, scales = tongue.points[nodes], tongue.modes[:, nodes], tongue.scales
+    shared = Shared()
+    rest = {name: np.asarray(point) for name, point in tongue.told["rest"].items()}
+    palate = next((tongue.bones[name] for name in PALATES if name in tongue.bones), None)
+    data: dict[str, Any] = {
+        "step": STEP,
+        "muscles": [{"name": name, "says": CATALOGUE[name].full_name} for name in tongue.muscles],
+        "weights": {name: {"shape": list(value.shape), "values": pack(value, "<f4")} for name, value in tongue.weights.items()},
+        "doubt": tongue.told["doubt"],
+        "rest": pack(1e3 * points, "<f4"),
+        "triangles": pack(triangles, "<u4"),
+        "modes": pack(np.round(modes / scales[:, None, None]), "<i2"),
+        "scales": scales.tolist(),
+        "outline": outline(points, triangles),
+        "trails": {name: int(np.linalg.norm(points - rest[name], axis=1).argmin()) for name in TRAILS if name in rest},
+        "bones": [
+            {"name": name, **shared.put_surface(surface), "section": pack(section(surface), "<f4")}
+            for name, surface in tongue.bones.items()
+        ],
+        "shared": shared.texts,
+        "electrodes": [] if palate is None else (1e3 * electrodes(palate)).round(3).tolist(),
+        "reach": 1e3 * REACH,
+        "scenario": scenario(tongue),
+    }
+    told = tongue.told
+    about = f"{told['tissue'].get('preset', 'own')} tissue, learned from {told['runs']} runs of the full model"
+    style, script = include("page.css") + include("live.css"), include("stage.js") + include("live.js")
+    return render("live.html", style=style, script=script, data=data, about=about).encode()
+
+
+def outline(points: Floats, triangles: Ints) -> list[list[int]]:
+    """The mid-sagittal outline of a mirrored surface: chains of its points on the mid-plane."""
+    import pyvista as pv
+
+    on = abs(points[:, 1]) < PLANE
+    edges = np.vstack([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    edges = np.unique(np.sort(edges[on[edges].all(axis=1)], axis=1), axis=0)
+    lines = pv.PolyData(points, lines=np.column_stack([np.full(len(edges), 2), edges]).ravel()).strip(max_length=len(edges) + 1).lines
+    chains = []
+    while len(lines):
+        chains.append(lines[1 : lines[0] + 1].tolist())
+        lines = lines[lines[0] + 1 :]
+    return chains
+
+
+def section(surface: Surface) -> Floats:
+    """Where the mid-plane cuts a surface: lines (n, 2, 2), x and z of their ends in mm."""
+    cut = surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-7, 0.0))
+    lines = cut.lines.reshape(-1, 3)[:, 1:] if cut.n_lines else np.empty((0, 2), dtype=int)
+    return np.asarray(1e3 * np.asarray(cut.points)[lines][..., [0, 2]])
+
+
+def scenario(tongue: ReducedTongue) -> str:
+    """The beginning of a scenario as the runs were that the tongue learned from; the activations follow."""
+    told = tongue.told
+    tissue = [f"{key} = {f'{chr(34)}{value}{chr(34)}' if isinstance(value, str) else value}" for key, value in told["tissue"].items()]
+    contact = [f"[contact.{name}]" for name in told["contact"]]
+    return "\n".join(["[mesh]", f'parametric = "{told["mesh"]}"', "", "[tissue]", *tissue, "", *contact, ""])
