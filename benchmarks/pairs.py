@@ -53,7 +53,7 @@ def compare(commit: str, folder: Path, repeats: int, full: bool) -> list[dict[st
             for turn in range(-1, repeats):  # the first, which compiles, does not count
                 for which, code in (("old", tree), ("new", Path.cwd()))[:: 1 if turn % 2 else -1]:
                     output = Path(scratch) / f"{name[:5]}-{which}-{turn}"
-                    done[which].append(run(code / scenario, output, *changes, ranks=ranks, environment={"PYTHONPATH": str(code)}))
+                    done[which].append(run(code / scenario, output, *changes, ranks=ranks, code=code))
             old, new = (of[1:] for of in done.values())
             rows.append({"run": name} | _row(old, new))
     return rows

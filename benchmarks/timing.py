@@ -47,8 +47,11 @@ class Finished:
         return float(self.summary["krylov_iterations"] / self.summary["newton_iterations"])
 
 
-def run(scenario: Path, output: Path, *changes: str, ranks: int = 1, environment: dict[str, str] | None = None) -> Finished:
-    """``tongue run`` in a process of its own, with PETSc's log."""
+def run(
+    scenario: Path, output: Path, *changes: str, ranks: int = 1, environment: dict[str, str] | None = None, code: Path | None = None
+) -> Finished:
+    """``tongue run`` in a process of its own, with PETSc's log; of the project in the folder `code`, if there is one."""
+    scenario, output = scenario.resolve(), output.resolve()
     log = output.with_suffix(".csv")
     output.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o", str(output)]
@@ -57,7 +60,9 @@ def run(scenario: Path, output: Path, *changes: str, ranks: int = 1, environment
         command = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks), *command]
     settings = os.environ | {"OMP_NUM_THREADS": "1", "PETSC_OPTIONS": f"-log_view :{log}:ascii_csv"} | (environment or {})
     start = time.perf_counter()
-    subprocess.run(command, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
+    if code is not None:  # the working directory comes first on Python's path
+        settings["PYTHONPATH"] = str(code)
+    subprocess.run(command, cwd=code, env=settings, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
     seconds = time.perf_counter() - start
     rows = [row for row in csv.DictReader(log.read_text().splitlines()) if row["Rank"] == "0"]
     events = {name: sum(float(row["Time"]) for row in rows if row["Event Name"] in of) for name, of in EVENTS.items()}

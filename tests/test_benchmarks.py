@@ -46,6 +46,24 @@ def test_steady(monkeypatch: pytest.MonkeyPatch) -> None:
     assert times(0.3) == 3
 
 
+PROJECT = """
+import json, os, pathlib, sys
+output = pathlib.Path(sys.argv[sys.argv.index("-o") + 1])
+output.mkdir()
+(output / "summary.json").write_text(json.dumps({{"name": "{0}"}}))
+pathlib.Path(os.environ["PETSC_OPTIONS"].split(":")[1]).write_text("Rank,Event Name,Time\\n")
+"""
+
+
+def test_each_commit_runs_its_own_code(tmp_path: Path) -> None:
+    """Wherever the benchmark is called from."""
+    for name in ("old", "new"):
+        (tmp_path / name / "tongue_fenicsx").mkdir(parents=True)
+        (tmp_path / name / "tongue_fenicsx" / "__main__.py").write_text(PROJECT.format(name))
+        done = timing.run(tmp_path / "any.toml", tmp_path / "runs" / name, code=tmp_path / name)
+        assert done.summary == {"name": name}
+
+
 def test_profiles() -> None:
     """The quicker solver of each case counts at 1, one that does not finish at none."""
     at, shares = stress.profiles({"ours": {"a": 1.0, "b": 4.0}, "plain": {"a": 3.0, "b": 2.0, "c": 5.0}})
