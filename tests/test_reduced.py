@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import queue
+import re
 import threading
 import urllib.error
 import urllib.request
@@ -201,7 +202,8 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert "9 runs, 99 states" in said
     code, said = command(capsys, "rom", "test", model, tmp_path / "judge")
     assert code == 0, said
-    mean = dict(zip(*(map(str.strip, line.split("|")[1:-1]) for line in (said.splitlines()[0], said.splitlines()[-1])), strict=True))
+    head, *_, last = [list(map(str.strip, line.split("|")[1:-1])) for line in said.splitlines() if line]
+    mean = dict(zip(head, last, strict=True))
     assert float(mean["mean"]) < 0.4 * float(mean["movement"])
     scenario = tmp_path / "judge" / "runs" / "00000" / "scenario.toml"
     code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")
@@ -213,5 +215,4 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert (code, "--overwrite" in said) == (2, True), said
     code, said = command(capsys, "live", model, "--save", tmp_path / "page.html")
     assert code == 0, said
-    assert "http://www.w3.org" in (page := (tmp_path / "page.html").read_text())
-    assert page.count("http") == page.count("http://www.w3.org")
+    assert set(re.findall(r"https?://[\w.]+", (tmp_path / "page.html").read_text())) == {"http://www.w3.org"}  # a name, not an address

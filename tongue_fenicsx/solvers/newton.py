@@ -95,6 +95,7 @@ class Newton:
             snes.getLineSearch().setType("bt")
         self._tolerances, self._borne = tolerances, 0.0
         snes.setTolerances(rtol=GUESS * tolerances.rtol, stol=0.0, max_it=tolerances.max_newton)
+        snes.setForceIteration(True)  # a guess that is good enough, step after step, would go astray by as much
         snes.setFromOptions()
         self._snes = snes
 
