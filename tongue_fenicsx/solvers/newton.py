@@ -25,7 +25,8 @@ from .time_integration import QuasiStatic
 from .tolerances import Tolerances
 
 GUESS = 0.1
-"""Share of the residual of the first guess that counts as the forces on the supports do; alone, where nothing is held."""
+"""Share of the residual of the first guess that counts as the forces on the supports do; alone, where nothing is held. And share of what is
+enough that is enough of a guess in time: guesses that just do, step after step, go astray (a sagging block by 2 %)."""
 EQUILIBRIUM = 0.3
 """Share of the relative tolerance that an equilibrium may take."""
 RESIDUAL = PETSc.Log.Event("TongueResidual")
@@ -93,9 +94,8 @@ class Newton:
             self._search = WorkLineSearch(snes, self._x, self._b, self._evaluate)
         else:
             snes.getLineSearch().setType("bt")
-        self._tolerances, self._borne = tolerances, 0.0
+        self._tolerances, self._borne, self._guessed = tolerances, 0.0, True
         snes.setTolerances(rtol=GUESS * tolerances.rtol, stol=0.0, max_it=tolerances.max_newton)
-        snes.setForceIteration(True)  # a guess that is good enough, step after step, would go astray by as much
         snes.setFromOptions()
         self._snes = snes
 
@@ -135,6 +135,7 @@ class Newton:
             self._snes.setKSP(self._linear.solver(rung, self._prepare))
             if self._search is not None:
                 self._search.forget()
+            self._guessed = True
             self._snes.solve(None, self._x)
             self._place(self._x)
             newton += self._snes.getIterationNumber()
@@ -192,7 +193,9 @@ class Newton:
     def _form_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         if self._search is None or not self._search.recall(x, b):
             self._evaluate(x, b)
-        snes.setTolerances(atol=self._enough)
+        sharper = GUESS if self._guessed and not isinstance(self._equations.scheme, QuasiStatic) else 1.0
+        snes.setTolerances(atol=max(self._tolerances.atol, sharper * self._enough))
+        self._guessed = False
 
     @property
     def _enough(self) -> float:
