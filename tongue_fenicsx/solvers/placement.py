@@ -42,14 +42,13 @@ class Placement:
         begins, columns = self._own.getRowIJ(compressed=rows == 1)
         size = (3 // rows) ** 2
         self._length = size * len(columns)
-        entries = sparse.csr_array((np.arange(1, len(columns) + 1, dtype=np.int32), columns, begins))  # 0 where there is none
+        entries = sparse.csr_array((size * np.arange(len(columns), dtype=np.int32), columns, begins))
         dofs = V.dofmap.list[: V.mesh.topology.index_map(3).size_local]
         whole = (dofs < V.dofmap.index_map.size_local).all(axis=1)
         self.inner, self.border = (np.flatnonzero(of).astype(np.int32) for of in (whole, ~whole))
         a, b = np.broadcast_arrays(rows * dofs[self.inner, :, None], rows * dofs[self.inner, None, :])
         places = [entries[a.ravel() + i, b.ravel()].reshape(a.shape) for i in range(rows)]
-        self.places: NDArray[np.int32] = size * (np.ascontiguousarray(np.stack(places, axis=-1)) - 1)
-        assert self.places.min(initial=0) == 0
+        self.places: NDArray[np.int32] = np.ascontiguousarray(np.stack(places, axis=-1))
 
     @contextmanager
     def values(self) -> Iterator[Floats]:
