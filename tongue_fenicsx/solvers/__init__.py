@@ -9,7 +9,6 @@ __all__ = [
     "linear",
     "newton",
     "options",
-    "placement",
     "rigid_bodies",
     "tangent",
     "time_integration",
