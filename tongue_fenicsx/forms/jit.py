@@ -8,7 +8,7 @@ import hashlib
 import importlib.util
 import platform
 import sysconfig
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -84,15 +84,15 @@ def compile_expression(value: Expr, points: Floats, comm: MPI.Intracomm) -> fem.
     return fem.Expression(value, points, comm=comm, jit_options=_provide((value, np.asarray(points)), comm))
 
 
-def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], declarations: str, comm: MPI.Intracomm) -> Any:
-    """A cffi module with what is declared, made of a form and a `layout`; the `source` in C is asked for if need be.
+def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], names: Sequence[str], comm: MPI.Intracomm) -> Any:
+    """A cffi module with functions in C that were made of a form and a `layout`; the `source` is asked for if need be.
 
     Raises
     ------
     InputError
         If it must be compiled and cannot be.
     """
-    entry = on_rank_zero(comm, lambda: _find(item, lambda folder: _build(source(), declarations, folder), layout + declarations))
+    entry = on_rank_zero(comm, lambda: _find(item, lambda folder: _build(source(), names, folder), layout))
     spec = importlib.util.spec_from_file_location("kernels", next(entry.glob("kernels*")))
     assert spec is not None
     assert spec.loader is not None
@@ -101,10 +101,12 @@ def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], decl
     return module
 
 
-def _build(source: str, declarations: str, folder: Path) -> None:
+def _build(source: str, names: Sequence[str], folder: Path) -> None:
     """Compile kernels into a folder, and leave there what is needed to load them."""
     ffi = cffi.FFI()
-    ffi.cdef(declarations)
+    ffi.cdef(
+        "\n".join(f"void {name}(double*, double*, const double*, const double*, const int*, const uint8_t*, void*);" for name in names)
+    )
     ffi.set_source("kernels", source, extra_compile_args=FLAGS)
     with quiet():
         ffi.compile(tmpdir=str(folder))
