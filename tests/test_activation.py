@@ -19,6 +19,15 @@ def test_sequence() -> None:
     assert ramp(0.1, 0.25, 0.3)(1.0) == 0.3
 
 
+def test_levels_stay_within_their_pieces() -> None:
+    """To the last bit: a muscle that lets go never pushes by rounding."""
+    random = np.random.default_rng(1)
+    for up, down, top in random.uniform(0.05, 0.2, (2000, 3)):
+        course = Activation([(up, 0.0, top), (down, top, 0.0), (up, 0.0, 1.0)])
+        levels = [course(t) for end in course.kinks for t in (end, np.nextafter(end, 0))]
+        assert 0.0 <= min(levels) <= max(levels) <= 1.0
+
+
 @pytest.mark.parametrize("piece", [(0.1, 0, 1.01), (0.1, math.nan, 1), (0.1, -0.1, 0), (0, 0, 1), (math.inf, 0, 1), (0.1, 0)])
 def test_bad_pieces(piece: tuple[float, ...]) -> None:
     """Levels outside 0…1, NaN, and durations that are not positive are refused."""

@@ -14,7 +14,8 @@ def follow(pieces: Sequence[Piece], t: float) -> float:
     """The value at time `t` (s), straight within each piece."""
     for duration, start, target in pieces:
         if t <= duration:
-            return float(start + (target - start) * max(t, 0.0) / duration)
+            share = max(t, 0.0) / duration
+            return float((1 - share) * start + share * target)  # never beyond its ends
         t -= duration
     return float(pieces[-1][2])
 

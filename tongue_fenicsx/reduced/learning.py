@@ -99,7 +99,7 @@ def levels_of(run: Run, muscles: Sequence[str]) -> Floats:
         if any(not np.array_equal(sides[0], side) for side in sides):
             raise InputError(f"{run}: {name}_L and {name}_R do not go together, as the reduced tongue has them.")
         columns.append(sides[0] if sides else np.zeros(len(run.time)))
-    return np.column_stack(columns).clip(0.0, 1.0)  # pieces end on their levels within rounding
+    return np.column_stack(columns)
 
 
 def displacement_of(run: Run) -> Floats:
