@@ -25,8 +25,9 @@ from .time_integration import QuasiStatic
 from .tolerances import Tolerances
 
 GUESS = 0.1
-"""Share of the residual of the first guess that counts as the forces on the supports do; alone, where nothing is held. And share of what is
-enough that is enough of a guess in time: guesses that just do, step after step, go astray (a sagging block by 2 %)."""
+"""Share of the residual of the first guess that counts as the forces on the supports do; alone, where nothing is held."""
+UNSOLVED = 0.1
+"""Share of what is enough that is enough of a guess in time: guesses that just do, step after step, go astray (a sagging block by 2 %)."""
 EQUILIBRIUM = 0.3
 """Share of the relative tolerance that an equilibrium may take."""
 RESIDUAL = PETSc.Log.Event("TongueResidual")
@@ -193,8 +194,8 @@ class Newton:
     def _form_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         if self._search is None or not self._search.recall(x, b):
             self._evaluate(x, b)
-        sharper = GUESS if self._guessed and not isinstance(self._equations.scheme, QuasiStatic) else 1.0
-        snes.setTolerances(atol=max(self._tolerances.atol, sharper * self._enough))
+        share = UNSOLVED if self._guessed and not isinstance(self._equations.scheme, QuasiStatic) else 1.0
+        snes.setTolerances(atol=max(self._tolerances.atol, share * self._enough))
         self._guessed = False
 
     @property
