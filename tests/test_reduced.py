@@ -211,6 +211,8 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     reduced, full = tf.Run(tmp_path / "run"), tf.Run(scenario.parent)
     assert np.array_equal(reduced.output_times, full.output_times)
     assert np.linalg.norm(reduced.probes["dorsum"][-1] - full.probes["dorsum"][-1]) < 2e-3
+    code, said = command(capsys, "report", tmp_path / "run", scenario.parent, "-o", tmp_path / "report.html")
+    assert code == 0, said
     code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")
     assert (code, "--overwrite" in said) == (2, True), said
     code, said = command(capsys, "live", model, "--save", tmp_path / "page.html")

@@ -17,6 +17,9 @@ from ..runs.run import Run
 FINE = 20_000
 """Above so many nodes on the surface only the corners of the tetrahedra are shown."""
 
+STRAIN = "hencky_von_mises"
+"""The field of which `strain` is."""
+
 OBSTACLE = 12_000
 """Triangles of an obstacle that are shown at most."""
 
@@ -112,7 +115,7 @@ def strain(run: Run) -> tuple[Floats, Floats, Floats]:
     points, cells = run.mesh
     volume = volumes(points[cells[:, :4]])
     times = run.output_times
-    fields = [run.field("hencky_von_mises", index) for index in range(len(times))]
+    fields = [run.field(STRAIN, index) for index in range(len(times))]
     mean = [np.average(field, weights=volume) for field in fields]
     high = [np.percentile(field, 99, weights=volume, method="inverted_cdf") for field in fields]
     return times, np.array(mean), np.array(high)

@@ -20,7 +20,7 @@ from ..core.types import Floats
 from ..runs.figures import FIGURES
 from ..runs.run import Run
 from .charts import Line, chart
-from .motion import Shared, motion, strain
+from .motion import STRAIN, Shared, motion, strain
 from .templating import include, render
 
 STATUS = {
@@ -169,8 +169,6 @@ def _article(label: str, run: Run, moved: Mapping[str, Any], detail: Detail) -> 
 
 def _charts(run: Run) -> Markup:
     time = 1e3 * run.time
-    with run.reading("fields.h5"):
-        moments, mean, high = strain(run)
     probes = {_words(name): u for name, u in run.probes.items()}
     charts = [_paths("Paths of the probes, from rest (0, 0) to the end (ring)", probes)] if probes else []
 
@@ -180,7 +178,10 @@ def _charts(run: Run) -> Markup:
 
     lengths = {name: 1e3 * np.linalg.norm(u, axis=1) for name, u in probes.items()}
     over_time("Displacement of the probes", "mm", [Line(name, time, length) for name, length in lengths.items()])
-    strains = {"mean": mean, "99th percentile": high}
+    strains: dict[str, Floats] = {}
+    if STRAIN in run.fields:
+        with run.reading("fields.h5"):
+            moments, strains["mean"], strains["99th percentile"] = strain(run)
     over_time("Von Mises Hencky strain of the cells", "strain", [Line(name, 1e3 * moments, values) for name, values in strains.items()])
     over_time("Volume", "change in %", [Line("change of volume", time, 100 * (run.volume_ratio - 1))])
     energies = {_words(name): 1e3 * values for name, values in run.energy.items() if values.any()}

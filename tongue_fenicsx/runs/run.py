@@ -132,11 +132,16 @@ class Run:
         InputError
             If the run stored no such field.
         """
+        if name not in self.fields:
+            raise InputError(f"field: {self} has no field {name!r}; it has {', '.join(self.fields)}.")
         with self.reading("fields.h5"), self.store.open("fields.h5") as file:
-            known = sorted(file.keys() - {"mesh", "obstacles", "time"})
-            if name not in known:
-                raise InputError(f"field: {self} has no field {name!r}; it has {', '.join(known)}.")
             return np.asarray(file[f"{name}/{range(_count(file))[index]:05d}"][:], dtype=float)
+
+    @cached_property
+    def fields(self) -> list[str]:
+        """Names of the stored fields."""
+        with self.reading("fields.h5"), self.store.open("fields.h5") as file:
+            return sorted(file.keys() - {"mesh", "obstacles", "time"})
 
     @property
     def output_times(self) -> Floats:
