@@ -20,7 +20,7 @@ def train(
     sweeps: Annotated[list[Path], typer.Argument(metavar="SWEEP_DIR…", help="Folders of sweeps to learn from.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="MODEL.npz", help="The reduced tongue.")],
     modes: Annotated[int, typer.Option("--modes", metavar="N", min=1, help="Shapes that it is made of.")] = 60,
-    iterations: Annotated[int, typer.Option("--iterations", metavar="N", min=1, help="Of the training.")] = 6000,
+    iterations: Annotated[int, typer.Option("--iterations", metavar="N", min=1, help="Of the training.")] = 4000,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the training.")] = 0,
     mesh: Annotated[str, typer.Option("--mesh", metavar="PRESET", help="Of the runs, for scenarios that tongue live exports.")] = "coarse",
 ) -> None:
