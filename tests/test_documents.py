@@ -58,7 +58,13 @@ def commands(pattern: str) -> list[object]:
     line = re.compile(rf"{pattern}(?:mpiexec -n \d+ )?tongue ([a-z][^`\n]*)", re.MULTILINE)
     sources = [*DOCUMENTS, *SCENARIOS, *SWEEPS]
     found = sorted({(name_of(path), text.split(" #")[0].strip()) for path in sources for text in line.findall(path.read_text("utf-8"))})
-    return [pytest.param(shlex.split(text)[0], shlex.split(text)[1:], id=f"{path}: {text}") for path, text in found]
+    return [pytest.param(*command_of(COMMANDS, shlex.split(text)), id=f"{path}: {text}") for path, text in found]
+
+
+def command_of(known: dict[str, Any], words: list[str]) -> tuple[Any, list[str]]:
+    """The command that the words call, one of a group where the first names a group, and the rest of them."""
+    command, rest = known[words[0]], words[1:]
+    return command_of(command.commands, rest) if rest and hasattr(command, "commands") else (command, rest)
 
 
 @pytest.fixture
@@ -153,17 +159,16 @@ def test_json_of_documents(block: str) -> None:
     assert json.loads(block)
 
 
-@pytest.mark.parametrize(("name", "arguments"), commands(r"(?:^    |#\s+)"))
-def test_command_lines(name: str, arguments: list[str]) -> None:
+@pytest.mark.parametrize(("command", "arguments"), commands(r"(?:^    |#\s+)"))
+def test_command_lines(command: Any, arguments: list[str]) -> None:
     """The command is known, so are its options, and nothing that it needs is left out."""
-    command = COMMANDS[name]
-    command.make_parser(command.context_class(command, info_name=name)).parse_args(arguments)
+    command.make_parser(command.context_class(command, info_name=command.name)).parse_args(arguments)
 
 
-@pytest.mark.parametrize(("name", "arguments"), commands("`"))
-def test_commands_in_sentences(name: str, arguments: list[str]) -> None:
+@pytest.mark.parametrize(("command", "arguments"), commands("`"))
+def test_commands_in_sentences(command: Any, arguments: list[str]) -> None:
     """The command is known, and so are the options that are spoken of."""
-    known = {option for parameter in COMMANDS[name].params for option in (*parameter.opts, *parameter.secondary_opts)}
+    known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
     assert {word for word in arguments if word.startswith("-")} <= known
 
 
