@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import ufl
@@ -55,6 +56,19 @@ def test_a_damaged_form_is_compiled_again(tmp_path: Path, monkeypatch: pytest.Mo
     module.unlink()  # what is loaded stays whole
     module.write_bytes(start)
     assert fem.assemble_scalar(jit.compile_form(area, mesh.comm)) == pytest.approx(1.0)
+
+
+def test_kernels_stay_what_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of one form do not become those of another that is loaded later."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    mesh = create_unit_interval(MPI.COMM_SELF, 2)
+
+    def load(number: int) -> Any:
+        source = f"int number(void) {{ return {number}; }}"
+        return jit.compile_kernels(fem.Constant(mesh, 1.0) * ufl.dx, str(number), lambda: source, "int number(void);", mesh.comm)
+
+    kernels = [load(number) for number in (1, 2, 1, 2)]
+    assert [module.lib.number() for module in kernels] == [1, 2, 1, 2]
 
 
 @pytest.mark.parametrize("compiler", ["false", "no-such-compiler"])

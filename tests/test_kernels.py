@@ -79,13 +79,14 @@ def test_same_as_ffcx(name: str) -> None:
     weak.update()
     equations.forces.repack()
     tangent = Tangent(equations)
-    tangent.assemble()
     expected = fem_petsc.assemble_matrix(weak.compile(weak.equations(scheme.v, scheme.acceleration)[1]), bcs=weak.bcs)
     expected.assemble()
-    assert difference(tangent.matrix, expected) < 1e-12
-    assert tangent.coarse is not None
     P = constrained_interpolation(fem.functionspace(block.mesh, ("P", 1, (3,))), weak.V, weak.fixed_dofs, None)
-    assert difference(tangent.coarse, expected.ptap(P)) < 1e-12
+    for _ in range(2):  # by DOLFINx, then at the places that it found
+        tangent.assemble()
+        assert tangent.coarse is not None
+        assert difference(tangent.matrix, expected) < 1e-12
+        assert difference(tangent.coarse, expected.ptap(P)) < 1e-12
     forces = fem.assemble_vector(weak.compile(weak.inner_work(weak.u, scheme.v, ufl.TestFunction(weak.V))))
     forces.scatter_reverse(la.InsertMode.add)
     ours = equations.forces.inner.assemble()

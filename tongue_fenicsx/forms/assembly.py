@@ -4,11 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
 
 from ..core.types import Floats
+
+type Coefficients = dict[Any, Floats]
+"""Packed, of each part of a form: numbers of each cell in a row."""
 
 
 class Packed:
@@ -46,7 +50,9 @@ class Packed:
         """Read all coefficients and constants."""
         packed = fem.pack_coefficients(self.form)
         self.constants = fem.pack_constants(self.form)
-        self.coefficients = {part: np.pad(values, ((0, 0), (0, self._spare))) if self._spare else values for part, values in packed.items()}
+        self.coefficients: Coefficients = {
+            part: np.pad(values, ((0, 0), (0, self._spare))) if self._spare else values for part, values in packed.items()
+        }
 
     def refresh(self) -> None:
         """Read the changing coefficients."""

@@ -139,3 +139,43 @@ void coarse_tangent(double* restrict A, double* w, const double* c, const double
           A[3 * N * (3 * a + i) + 3 * b + k] += G[a][0] * T[0] + G[a][1] * T[1] + G[a][2] * T[2] + (i == k ? D[UPPER] * (a == b ? 2 : 1) / 120 : 0.0);
       }
 }
+
+// Adds the matrices of cells to values at their places, of each pair of nodes one, where three columns follow, or one for each row; without
+// the rows and columns of the unknowns whose bits are set in `fixed`.
+typedef void kernel(double* restrict, double*, const double*, const double*, const int*, const uint8_t*, void*);
+static inline __attribute__((always_inline)) void add(kernel of, int N, const struct cells* cells, int rows, const int* restrict places, double* restrict values)
+{
+  double A[9 * N * N], x[12];
+  for (int at = 0; at < cells->n; ++at, places += rows * N * N)
+  {
+    for (int e = 0; e < rows * N * N; ++e)
+      __builtin_prefetch(values + places[e], 1);
+    const int cell = cells->numbers[at];
+    for (int v = 0; v < 4; ++v)
+      memcpy(x + 3 * v, cells->points + 3 * cells->vertices[4 * cell + v], 3 * sizeof(double));
+    memset(A, 0, sizeof(A));
+    of(A, cells->w + (size_t)cell * cells->width, cells->constants, x, 0, 0, 0);
+    for (int r = 0; cells->fixed[at] >> r; ++r)
+      if (cells->fixed[at] >> r & 1)
+        for (int s = 0; s < 3 * N; ++s)
+          A[3 * N * r + s] = A[3 * N * s + r] = 0.0;
+    for (int a = 0; a < N; ++a)
+      for (int b = 0; b < N; ++b)
+        for (int i = 0; i < 3; ++i)
+        {
+          double* to = values + places[rows * (N * a + b) + (rows == 1 ? 0 : i)];
+          for (int k = 0; k < 3; ++k)
+            to[rows == 1 ? 3 * k + i : k] += A[3 * N * (3 * a + i) + 3 * b + k];
+        }
+  }
+}
+
+void add_tangent(const struct cells* cells, int rows, const int* places, double* values)
+{
+  rows == 1 ? add(tangent, 10, cells, 1, places, values) : add(tangent, 10, cells, 3, places, values);
+}
+
+void add_coarse_tangent(const struct cells* cells, int rows, const int* places, double* values)
+{
+  rows == 1 ? add(coarse_tangent, 4, cells, 1, places, values) : add(coarse_tangent, 4, cells, 3, places, values);
+}

@@ -16,6 +16,7 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import cpp, fem
+from numpy.typing import NDArray
 from ufl.algorithms.analysis import extract_coefficients, extract_constants
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
@@ -66,12 +67,10 @@ class CellKernels:
 
     Attributes
     ----------
-    forces, tangent : fem.Form
-        Virtual work of the stresses, and its derivative with that of the inertia.
     spare : int
         Numbers of each cell that the packed coefficients must have room for, at the end.
-    linear, coarse_tangent : fem.FunctionSpace, fem.Form
-        Linear displacements, and the tangent in them; to be assembled after the tangent, with the same packed coefficients.
+    linear : fem.FunctionSpace
+        Linear displacements.
 
     Raises
     ------
@@ -99,23 +98,67 @@ class CellKernels:
         order = [*extract_coefficients(told), *extract_constants(told)]
         places = [(order.index(item) if item in order else None) for item in (u, frozen, *self._coefficients, *self._constants)]
         layout = degree, places, [len(term.instances) for term in terms], list(self._offsets.values()), template
-        names = ("forces", "tangent", "coarse_tangent")
         form = ufl.inner(told, told) * ufl.dx(mesh)  # its signature knows all that the kernels are made of
-        self._module = jit.compile_kernels(form, str(layout), lambda: self._source() + template, names, mesh.comm)
-        V, self.linear = u.function_space, fem.functionspace(mesh, ("P", 1, (3,)))
-        self.forces, self.tangent, self.coarse_tangent = map(self._form, names, ([V], [V, V], [self.linear, self.linear]))
+        self._module = jit.compile_kernels(form, str(layout), lambda: self._source() + template, DECLARATIONS, mesh.comm)
+        self.linear = fem.functionspace(mesh, ("P", 1, (3,)))
 
-    def _form(self, name: str, spaces: list[fem.FunctionSpace]) -> fem.Form:
+    def form(self, name: str, cells: NDArray[np.int32] | None = None) -> fem.Form:
+        """A form over some of this rank's cells, or all; packed coefficients are those of these cells.
+
+        ``forces`` is the virtual work of the stresses, ``tangent`` its derivative with that of the inertia, ``coarse_tangent`` the same in
+        linear displacements, to be assembled after the tangent with the same packed coefficients.
+        """
         ffi, lib = self._module.ffi, self._module.lib
         kernel = int(ffi.cast("uintptr_t", ffi.addressof(lib, name)))
         mesh = self._u.function_space.mesh
-        cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+        if cells is None:
+            cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+        V = self.space(name)
+        spaces = [V] if name == "forces" else [V, V]
         used = np.arange(len(self._coefficients), dtype=np.int8)
         parts = {fem.IntegralType.cell: [(0, kernel, cells, used)]}
         coefficients = [f._cpp_object for f in self._coefficients]
         constants = [c._cpp_object for c in self._constants]
         on = [V._cpp_object for V in spaces]
         return fem.Form(cpp.fem.Form_float64(on, parts, coefficients, constants, False, [], mesh._cpp_object), module=self._module)
+
+    def space(self, name: str) -> fem.FunctionSpace:
+        """Displacements of a form."""
+        return self.linear if name == "coarse_tangent" else self._u.function_space
+
+    def add(
+        self,
+        name: str,
+        cells: NDArray[np.int32],
+        packed: tuple[Floats, Floats],
+        fixed: NDArray[np.uint32],
+        places: NDArray[np.int32],
+        values: Floats,
+    ) -> None:
+        """Add ``tangent`` or ``coarse_tangent`` of cells to the values of a matrix.
+
+        Parameters
+        ----------
+        name : str
+            Which.
+        cells : (n,) int array
+            Of this rank.
+        packed : constants, (n_cells, width) array
+            As of the form, of all cells.
+        fixed : (n,) uint32 array
+            A bit for each unknown of a cell whose row and column are left out.
+        places : (n, nodes, nodes, rows) int32 array
+            See `Placement`.
+        values : (n_values,) array
+            Changed in place.
+        """
+        ffi, lib, geometry = self._module.ffi, self._module.lib, self._u.function_space.mesh.geometry
+        constants, w = packed
+        buffers = {"numbers": cells, "vertices": geometry.dofmaps[0], "points": geometry.x, "fixed": fixed, "w": w, "constants": constants}
+        kinds = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint32_t", np.dtype(np.float64): "double"}
+        view = {key: ffi.from_buffer(f"{kinds[array.dtype]}[]", array) for key, array in buffers.items()}
+        told = ffi.new("struct cells*", {"n": len(cells), "width": w.shape[1], **view})
+        getattr(lib, f"add_{name}")(told, places.shape[-1], ffi.from_buffer("int[]", places), ffi.from_buffer("double[]", values))
 
     def _source(self) -> str:
         """Sizes, tables, and the stresses and point tangents in C."""
@@ -140,6 +183,7 @@ class CellKernels:
         return "\n".join(
             [
                 HEAD,
+                CELLS,
                 f"enum {{ {sizes} }};",
                 *(f"static const vector {name}[{values.shape[-1] // LANES}] = {_literal(values)};" for name, values in tables.items()),
                 self._function("void", "stresses", tangent=False),
@@ -255,8 +299,24 @@ class _Symbols(MultiFunction):  # type: ignore[misc]
         return self.at(value)
 
 
+CELLS = """
+struct cells
+{
+  int n, width;
+  const int *numbers, *vertices;
+  const double *points, *constants;
+  const uint32_t* fixed;
+  double* w;
+};"""
+DECLARATIONS = f"""{CELLS}
+void forces(double*, double*, const double*, const double*, const int*, const uint8_t*, void*);
+void tangent(double*, double*, const double*, const double*, const int*, const uint8_t*, void*);
+void coarse_tangent(double*, double*, const double*, const double*, const int*, const uint8_t*, void*);
+void add_tangent(const struct cells*, int, const int*, double*);
+void add_coarse_tangent(const struct cells*, int, const int*, double*);"""
 HEAD = """#include <math.h>
 #include <stdint.h>
+#include <string.h>
 typedef double vector __attribute__((vector_size(32)));
 typedef long long mask __attribute__((vector_size(32)));
 #define LANEWISE1(f, x) ({ const vector x_ = x; vector r_; for (int l_ = 0; l_ < LANES; ++l_) r_[l_] = f(x_[l_]); r_; })

@@ -8,7 +8,7 @@ import hashlib
 import importlib.util
 import platform
 import sysconfig
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,16 +84,17 @@ def compile_expression(value: Expr, points: Floats, comm: MPI.Intracomm) -> fem.
     return fem.Expression(value, points, comm=comm, jit_options=_provide((value, np.asarray(points)), comm))
 
 
-def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], names: Sequence[str], comm: MPI.Intracomm) -> Any:
-    """A cffi module with functions in C that were made of a form and a `layout`; the `source` is asked for if need be.
+def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], declarations: str, comm: MPI.Intracomm) -> Any:
+    """A cffi module with what is declared, made of a form and a `layout`; the `source` in C is asked for if need be.
 
     Raises
     ------
     InputError
         If it must be compiled and cannot be.
     """
-    entry = on_rank_zero(comm, lambda: _find(item, lambda folder: _build(source(), names, folder), layout))
-    spec = importlib.util.spec_from_file_location("kernels", next(entry.glob("kernels*")))
+    entry = on_rank_zero(comm, lambda: _find(item, lambda folder: _build(source(), declarations, folder), layout + declarations))
+    name = f"{entry.name}.kernels"  # modules of one name are one module: the last that is loaded
+    spec = importlib.util.spec_from_file_location(name, next(entry.glob("kernels*")))
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -101,12 +102,10 @@ def compile_kernels(item: ufl.Form, layout: str, source: Callable[[], str], name
     return module
 
 
-def _build(source: str, names: Sequence[str], folder: Path) -> None:
+def _build(source: str, declarations: str, folder: Path) -> None:
     """Compile kernels into a folder, and leave there what is needed to load them."""
     ffi = cffi.FFI()
-    ffi.cdef(
-        "\n".join(f"void {name}(double*, double*, const double*, const double*, const int*, const uint8_t*, void*);" for name in names)
-    )
+    ffi.cdef(declarations)
     ffi.set_source("kernels", source, extra_compile_args=FLAGS)
     with quiet():
         ffi.compile(tmpdir=str(folder))

@@ -75,7 +75,9 @@ class Forces:
         self._changing = [weak.u] if weak.pressure is None else [weak.u, weak.pressure]
         self._packed: list[PackedForm] = []
         kernels = self.kernels = weak.kernels(scheme.v, scheme.acceleration)
-        self.inner = self.pack(weak.inner_work(weak.u, scheme.v, w)) if kernels is None else self._pack(kernels.forces, kernels.spare)
+        self.inner = (
+            self.pack(weak.inner_work(weak.u, scheme.v, w)) if kernels is None else self._pack(kernels.form("forces"), kernels.spare)
+        )
         surface = weak.surface_work(weak.u, scheme.v, w)
         self._surface = [weak.compile(surface)] if isinstance(surface, ufl.Form) else []
         self._contacts = weak.compile_contacts(lambda name: weak.contact_work(name, weak.u, scheme.v, w))

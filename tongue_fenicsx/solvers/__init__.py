@@ -9,6 +9,7 @@ __all__ = [
     "linear",
     "newton",
     "options",
+    "placement",
     "rigid_bodies",
     "tangent",
     "time_integration",

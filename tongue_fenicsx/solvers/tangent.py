@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import ufl
@@ -12,9 +11,12 @@ from dolfinx import cpp, default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
-from ..forms.assembly import Packed
+from ..core.types import Floats
+from ..forms.assembly import Coefficients
+from ..forms.cell_kernels import CellKernels
 from ..forms.weak_form import WeakForm
 from .equations import Equations
+from .placement import Placement
 
 
 class Tangent:
@@ -45,10 +47,10 @@ class Tangent:
             self._levels = [_Level(weak.compile(weak.equations(*rates)[1]), weak.bcs)]
         else:
             blocks = not weak.suspended_nodes
-            self._levels = [_Level(kernels.tangent, weak.bcs, _Surface(equations, weak.V), "baij" if blocks else None)]
+            self._levels = [_KernelLevel(kernels, "tangent", weak.bcs, _Surface(equations, weak.V), "baij" if blocks else None)]
             if blocks:
                 fixed = _at_vertices(weak, self.linear)
-                self._levels.append(_Level(kernels.coarse_tangent, fixed, _Surface(equations, self.linear)))
+                self._levels.append(_KernelLevel(kernels, "coarse_tangent", fixed, _Surface(equations, self.linear)))
         self.matrix = self._levels[0].matrix
         self.coarse = self._levels[1].matrix if len(self._levels) > 1 else None
 
@@ -56,8 +58,9 @@ class Tangent:
         """At the present unknowns."""
         if self._inner is not None:
             self._inner.refresh()
+        packed = () if self._inner is None else (self._inner.constants, self._inner.coefficients)
         for level in self._levels:
-            level.assemble(self._inner)
+            level.assemble(*packed)
 
     def destroy(self) -> None:
         """Free the matrices, on all ranks at once."""
@@ -68,20 +71,58 @@ class Tangent:
 class _Level:
     """A matrix with what it is assembled from, a form with what is fixed and the forms of the surface beside it."""
 
-    def __init__(self, form: Any, bcs: Sequence[fem.DirichletBC], surface: Iterable[fem.Form] = (), kind: str | None = None) -> None:
+    def __init__(self, form: fem.Form, bcs: Sequence[fem.DirichletBC], surface: Iterable[fem.Form] = (), kind: str | None = None) -> None:
         self._form, self._bcs, self._surface = form, bcs, surface
         self.matrix = fem_petsc.create_matrix(form, kind)
 
-    def assemble(self, packed: Packed | None) -> None:
-        """With the packed coefficients of the form, if there are any."""
+    def assemble(self, constants: Floats | None = None, coefficients: Coefficients | None = None) -> None:
+        """With those of the form, if they are packed."""
         self.matrix.zeroEntries()
         fixed = [bc._cpp_object for bc in self._bcs]
         for form in self._surface:
             own = fem.pack_constants(form), fem.pack_coefficients(form)
             cpp.fem.petsc.assemble_matrix(self.matrix, form._cpp_object, *own, fixed)
-        values = {} if packed is None else {"constants": packed.constants, "coeffs": packed.coefficients}
-        fem_petsc.assemble_matrix(self.matrix, self._form, self._bcs, **values)
+        fem_petsc.assemble_matrix(self.matrix, self._form, self._bcs, constants=constants, coeffs=coefficients)
         self.matrix.assemble()
+
+
+class _KernelLevel(_Level):
+    """The same of a kernel. Once the matrix has its entries, DOLFINx adds to it only where another rank has a say."""
+
+    def __init__(
+        self, kernels: CellKernels, name: str, bcs: Sequence[fem.DirichletBC], surface: Iterable[fem.Form], kind: str | None = None
+    ) -> None:
+        super().__init__(kernels.form(name), bcs, surface, kind)
+        self._kernels, self._name = kernels, name
+        self._placement: Placement | None = None
+
+    def assemble(self, constants: Floats | None = None, coefficients: Coefficients | None = None) -> None:
+        """With those of all cells."""
+        if self._placement is None:
+            super().assemble(constants, coefficients)
+            self._place()
+            return
+        assert constants is not None
+        assert coefficients is not None
+        ((part, w),) = coefficients.items()
+        border = self._placement.border
+        share = w[border]
+        super().assemble(constants, {part: share})
+        w[border] = share  # with what the kernel left there
+        with self._placement.values() as values:
+            self._kernels.add(self._name, self._placement.inner, (constants, w), self._fixed, self._placement.places, values)
+        self.matrix.assemble()
+
+    def _place(self) -> None:
+        """Note where the cells' entries are, and which are fixed."""
+        V = self._kernels.space(self._name)
+        placement = self._placement = Placement(self.matrix, V)
+        self._form = self._kernels.form(self._name, placement.border)
+        fixed: NDArray[np.bool_] = np.zeros((V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts, 3), dtype=bool)
+        for bc in self._bcs:
+            fixed.ravel()[bc.dof_indices()[0]] = True
+        unknowns = fixed[V.dofmap.list[placement.inner]].reshape(len(placement.inner), -1)
+        self._fixed = (unknowns @ (1 << np.arange(unknowns.shape[1]))).astype(np.uint32)
 
 
 class _Surface:
