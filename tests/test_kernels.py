@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -91,6 +92,26 @@ def test_same_as_ffcx(name: str) -> None:
     forces.scatter_reverse(la.InsertMode.add)
     ours = equations.forces.inner.assemble()
     np.testing.assert_allclose(ours, forces.array[: len(ours)], atol=1e-12 * abs(forces.array).max())
+
+
+def test_the_coarse_level_is_of_the_first_guess(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stays for all iterations of a solve."""
+    done: Counter[bool] = Counter()
+    assemble = Tangent.assemble
+
+    def counted(tangent: Tangent, coarse: bool = True) -> None:
+        assert tangent.coarse is not None
+        before = tangent.coarse.norm() if done else 0.0
+        assemble(tangent, coarse)
+        done[coarse] += 1
+        assert (tangent.coarse.norm() == before) is not coarse
+
+    monkeypatch.setattr(Tangent, "assemble", counted)
+    model = tf.Model(with_fibres(box((0.02, 0.01, 0.01), (3, 2, 2))), fixed=["wall"])
+    run = tf.Simulation(model, {}, tf.Stepping(5e-3, output_every=5e-3)).run({"GGP_L": tf.ramp(0.01, 0.1)}, 0.02)
+    steps, newton = (run.summary[name] for name in ("n_steps", "newton_iterations"))
+    assert newton > steps
+    assert done == {True: 1 + steps, False: newton - steps}
 
 
 @pytest.mark.parametrize("beyond", [lambda k, field: ufl.bessel_J(0, k.I1 - 3), lambda k, field: field * (k.I1 - 3)])

@@ -30,6 +30,8 @@ UNSOLVED = 0.1
 """Share of what is enough that is enough of a guess in time: guesses that just do, step after step, go astray (a sagging block by 2 %)."""
 EQUILIBRIUM = 0.3
 """Share of the relative tolerance that an equilibrium may take."""
+STALE = 20
+"""Krylov iterations after which the multigrid's coarse level follows the tangent before the next solve begins; fewer say that it serves."""
 RESIDUAL = PETSc.Log.Event("TongueResidual")
 """In PETSc's log, the residuals with those that shortening a step takes."""
 
@@ -204,7 +206,7 @@ class Newton:
         return max(self._tolerances.atol, self._tolerances.rtol * self._borne)
 
     def _form_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._tangent.assemble()
+        self._tangent.assemble(coarse=snes.getIterationNumber() == 0 or snes.getKSP().getIterationNumber() > STALE)
         if self._bodies is not None:
             self._bodies.tangent(self._tangent.matrix, self._operator)
         self._linear.update()

@@ -54,12 +54,12 @@ class Tangent:
         self.matrix = self._levels[0].matrix
         self.coarse = self._levels[1].matrix if len(self._levels) > 1 else None
 
-    def assemble(self) -> None:
-        """At the present unknowns."""
+    def assemble(self, coarse: bool = True) -> None:
+        """At the present unknowns; without the `coarse` level, if that is to stay as it was."""
         if self._inner is not None:
             self._inner.refresh()
         packed = () if self._inner is None else (self._inner.constants, self._inner.coefficients)
-        for level in self._levels:
+        for level in self._levels if coarse else self._levels[:1]:
             level.assemble(*packed)
 
     def destroy(self) -> None:
