@@ -53,6 +53,9 @@ def measurements(full: bool) -> dict[str, Table]:
     found: dict[str, Table] = {
         "peers": [vars(peer) | {"per newton (s)": peer.per_newton} for peer in peers.peers(*((8, 10) if full else (4, 10)))]
     }
+    if full:
+        say("peers at the chapter's size")
+        found["peers at the chapter's size"] = [vars(peer) | {"per newton (s)": peer.per_newton} for peer in peers.large(15, 5)]
     baseline = steady(lambda: {"seconds": peers.plain(4, 5).per_newton})
     found["baseline"] = [{"what": "Newton iteration of plain DOLFINx, MUMPS LU, 768 tetrahedra"} | baseline]
     say("assembly")
@@ -62,7 +65,7 @@ def measurements(full: bool) -> dict[str, Table]:
     say("solver")
     found["solver"] = []
     for name, of in measure.PRESETS.items():
-        rows = [measure.solver(n, of) for n in ((6, 9, 13) if of["mixed"] else (6, 9, 13, 18, 22) if full else (6, 9, 13, 18))]
+        rows = [measure.solver(n, of) for n in ((6, 9, 13) if of["mixed"] else (6, 9, 13, 18, 27) if full else (6, 9, 13, 18))]
         fit = measure.exponent(rows)
         found["solver"] += [{"preset": name} | row | {"exponent": fit} for row in rows]
     say("the chapter's case")
