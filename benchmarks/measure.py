@@ -27,7 +27,7 @@ from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
 from tongue_fenicsx.testing import box, with_fibres
 
-from .timing import EVENTS, Finished, Row, run, seconds, steady
+from .timing import Finished, Row, parts, run, seconds, steady
 
 CHAPTER = Path(__file__).with_name("chapter.toml")
 PRESETS: dict[str, dict[str, Any]] = {
@@ -74,7 +74,7 @@ def solver(n: int, preset: dict[str, Any]) -> Row:
 
 
 def _one_step(model: tf.Model) -> Row:
-    before = {event: PETSc.Log.Event(event).getPerfInfo()["time"] for of in EVENTS.values() for event in of}
+    before = parts(lambda event: float(PETSc.Log.Event(event).getPerfInfo()["time"]))
     stepping = tf.Stepping(step_max=5e-3, output_every=5e-3)
     with tempfile.TemporaryDirectory() as folder:
         run = tf.Simulation(model, {"tip": (0.06, 0.015, 0.015)}, stepping, Tolerances.of("tight")).run(
@@ -82,9 +82,8 @@ def _one_step(model: tf.Model) -> Row:
         )
     s = run.summary
     row = {"unknowns": s["n_dofs"], "newton": s["newton_iterations"], "krylov": s["krylov_iterations"] / s["newton_iterations"]}
-    for name, of in EVENTS.items():
-        row[name] = sum(PETSc.Log.Event(event).getPerfInfo()["time"] - before[event] for event in of) / s["newton_iterations"]
-    return row | {"total": sum(row[name] for name in EVENTS)}
+    after = parts(lambda event: float(PETSc.Log.Event(event).getPerfInfo()["time"]))
+    return row | {name: (value - before[name]) / s["newton_iterations"] for name, value in after.items()}
 
 
 def sweep(file: Path, n: int) -> Row:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from benchmarks import measure, stress, timing
+from benchmarks import measure, scaling, stress, timing
 
 
 def test_assembly(tongue_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,3 +70,14 @@ def test_profiles() -> None:
     np.testing.assert_allclose(at, [1, 2, 3])
     np.testing.assert_allclose(shares["ours"], [1 / 3, 2 / 3, 2 / 3])
     np.testing.assert_allclose(shares["plain"], [2 / 3, 2 / 3, 1])
+
+
+def test_prediction() -> None:
+    """One and two ranks are met; what is shared halves again and again, what is not stays, and messages come on top."""
+    one = {"unknowns": 1000, "krylov per newton": 10.0, "tangent (s)": 8.0, "residual (s)": 0.0, "set-up (s)": 0.0, "Krylov (s)": 3.0}
+    two = one | {"tangent (s)": 4.0, "Krylov (s)": 2.0}
+    assert scaling.shared(3.0, 2.0) == (2.0, 1.0)
+    predicted = [scaling.prediction(one, two, 1000, ranks) - 10 * scaling.waiting(1000, ranks) for ranks in (1, 2, 4)]
+    np.testing.assert_allclose(predicted, [11.0, 6.0, 3.5])
+    assert scaling.prediction(one, two, 2000, 1) == pytest.approx(22.0)
+    assert 0 == scaling.waiting(1000, 1) < scaling.waiting(1000, 2) < scaling.waiting(1000, 4) < 1e-3
