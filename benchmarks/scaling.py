@@ -13,7 +13,6 @@ import argparse
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +37,7 @@ def waiting(unknowns: float, ranks: int) -> float:
     return 0.0 if ranks == 1 else float(MESSAGE * (SUMS * np.log2(ranks) + EXCHANGES * levels))
 
 
-def prediction(one: Mapping[str, Any], two: Mapping[str, Any], unknowns: float, ranks: int) -> float:
+def prediction(one: Mapping[str, float], two: Mapping[str, float], unknowns: float, ranks: int) -> float:
     """s of a Newton iteration, from the rows of the same case on one rank and on two."""
     share = [shared(one[f"{part} (s)"], two[f"{part} (s)"]) for part in PARTS]
     work = sum(together / ranks + alone for together, alone in share) * unknowns / one["unknowns"]
