@@ -80,7 +80,9 @@ def shorten(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     def shorten(end: float) -> None:
         run, tongue = tf.Simulation.run, request.getfixturevalue("tongue")
         monkeypatch.setattr(tf.Anatomy, "mesh", lambda self, size: tongue)
-        monkeypatch.setattr(tf.Simulation, "run", lambda self, activation, t_end, output: run(self, activation, min(t_end, end), output))
+        monkeypatch.setattr(
+            tf.Simulation, "run", lambda self, activation, t_end, *more, **options: run(self, activation, min(t_end, end), *more, **options)
+        )
 
     return shorten
 

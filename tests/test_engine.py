@@ -118,7 +118,7 @@ def test_a_rejected_step_leaves_no_trace(block: tf.TongueMesh, monkeypatch: pyte
     for tried in (False, True):
         simulation = tf.Simulation(model, probes={}, stepping=SHORT)
         engine = simulation._prepare([])
-        engine.equations.restore(replace(engine.start({})._state, gammas=(1e-9,)))
+        engine.equations.restore(replace(engine.start({}).state, gammas=(1e-9,)))
         if tried:
             fails[:] = [True]
             monkeypatch.setattr(Newton, "solve", fail_once)

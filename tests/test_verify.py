@@ -17,6 +17,7 @@ import pytest
 from dolfinx.fem import petsc as fem_petsc
 
 from tongue_fenicsx.cli.app import main
+from tongue_fenicsx.core.types import Floats
 from tongue_fenicsx.forms import nodal_forces as forces
 from tongue_fenicsx.forms import weak_form
 from tongue_fenicsx.forms.fibre_slots import FibreSlots
@@ -27,6 +28,7 @@ from tongue_fenicsx.runs.run import Run
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.simulation import energy as measures
+from tongue_fenicsx.solvers import adjoint
 from tongue_fenicsx.solvers import time_integration as timestep
 from tongue_fenicsx.verification import CASES, Row, calculix, contact, heart, material, motion
 
@@ -100,6 +102,15 @@ def _other_gamma(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(timestep.GeneralizedAlpha, "__init__", wrong)
 
 
+def _longer_back(patch: pytest.MonkeyPatch) -> None:
+    right = adjoint.Adjoint._solve
+
+    def wrong(self: adjoint.Adjoint, side: Floats) -> None:
+        right(self, 1.05 * side)
+
+    patch.setattr(adjoint.Adjoint, "_solve", wrong)
+
+
 def _more_damping(patch: pytest.MonkeyPatch) -> None:
     right = forces.Forces.__init__
 
@@ -169,6 +180,7 @@ def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
         ("decay", _more_damping, 1),
         ("contraction", _wrong_energy, 1),
         ("ranks", _stiffer_on_two_ranks, 2),
+        ("gradient", _longer_back, 3),
         ("contact", _stiffer_tangent, 4),
         ("pressed", _stiffer, 3),
         ("hertz", _stiffer, 1),

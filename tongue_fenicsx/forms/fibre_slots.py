@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,12 +129,20 @@ class FibreSlots:
     def activate(self, levels: Mapping[str, float]) -> None:
         """Set the activation of each muscle, 0…1; those that are not named rest."""
         level = np.array([*(levels.get(name, 0.0) for name in self.names), 0.0])  # the last serves empty slots
-        total = np.zeros(self._dofs.shape)
+        self._total = total = np.zeros(self._dofs.shape)
         for i, tension in enumerate(self.tensions):
             in_slot = level[self.owners[i]][:, None]
             tension.x.array[self._dofs] = in_slot * self._peak[i]
             total += in_slot * self._share[i]
         self.stiffness.x.array[self._dofs] = 1 + 9 * np.minimum(total, 1.0)
+
+    def levels_from(self, tensions: Sequence[Floats], stiffness: Floats | None) -> Floats:
+        """What a function of the slots' tensions (and stiffness) owes to the level of each muscle, from its derivatives by their values."""
+        found = np.zeros(len(self.names) + 1)  # the last of empty slots
+        stiffens = np.zeros_like(self._share[0]) if stiffness is None else np.where(self._total < 1, 9 * stiffness[self._dofs], 0.0)
+        for owner, peak, share, values in zip(self.owners, self._peak, self._share, tensions, strict=True):
+            np.add.at(found, owner, (values[self._dofs] * peak + stiffens * share).sum(axis=1))
+        return found[:-1]
 
     def share(self, slot: int) -> Floats:
         """The share of the muscle in a slot at each place, (n_cells, q), 0…1."""
@@ -210,11 +218,15 @@ class OuterPull:
 
     def work(self, law: Contraction, u: Expr, v: Expr, frozen: Expr, w: Expr) -> Expr:
         """Virtual work of the pull on `w`; `frozen` is the displacement that the rate of the distance holds fixed."""
+        return self._level * self.work_of_one(law, u, v, frozen, w)
+
+    def work_of_one(self, law: Contraction, u: Expr, v: Expr, frozen: Expr, w: Expr) -> Expr:
+        """The same at an active stress of 1 Pa."""
         X = ufl.SpatialCoordinate(self._ds.ufl_domain())
         line, rest = self._anchor - X - u, _norm(self._anchor - X)
         held = self._anchor - X - frozen
         tension = law.tension(_norm(line) / rest, -ufl.dot(held, v) / (_norm(held) * rest))
-        return self._level * self._share * tension * ufl.dot(line, w) / _norm(line) * self._ds
+        return self._share * tension * ufl.dot(line, w) / _norm(line) * self._ds
 
 
 def count_slots(tongue: TongueMesh, muscles: Mapping[str, MuscleCells]) -> int:

@@ -75,8 +75,8 @@ class WeakForm:
         self._density, self._alpha, self._beta = (fem.Constant(mesh, default_scalar_type(0.0)) for _ in range(3))
         self._edge = _typical_edge(mesh)
         self._passive = PassiveTerms(model)
-        self._law = model.contraction.with_constants(mesh)
-        self._optimal_stretch: Any = self._law.optimal_stretch
+        self.law = model.contraction.with_constants(mesh)
+        self._optimal_stretch: Any = self.law.optimal_stretch
         self._supports = Supports(model, self.u)
         muscles = _carried(model, active)
         n_slots = count_slots(tongue, muscles)
@@ -218,7 +218,7 @@ class WeakForm:
     def active_stress(self, u: Expr, v: Expr) -> Expr:
         """First Piola–Kirchhoff stress of the muscles in Pa."""
         I = ufl.Identity(3)  # noqa: E741
-        return self.slots.stress(self._law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
+        return self.slots.stress(self.law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
 
     def damping_stress(self, v: Expr) -> Expr:
         """β times the rest-state stiffness on the velocity, in Pa."""
@@ -229,7 +229,7 @@ class WeakForm:
         it makes β/Δt times as much stress as the tissue does, which in a short step outweighs Nitsche's parameter."""
         I = ufl.Identity(3)  # noqa: E741
         assert self.surface_slots is not None
-        active = self.surface_slots.stress(self._law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
+        active = self.surface_slots.stress(self.law, I + ufl.grad(u), ufl.grad(v), I + ufl.grad(self.frozen))
         return self.passive_stress(u, surface=True) + active
 
     def cauchy_stress(self, u: Expr, v: Expr) -> Expr:
@@ -241,7 +241,7 @@ class WeakForm:
 
     def fibre_state(self, u: Expr, v: Expr) -> list[Expr]:
         """Stretch, rate and active stress of each slot (see `FibreSlots.state`)."""
-        return self.slots.state(self._law, ufl.Identity(3) + ufl.grad(u), ufl.grad(v))
+        return self.slots.state(self.law, ufl.Identity(3) + ufl.grad(u), ufl.grad(v))
 
     def inertia(self, v: Expr, a: Expr) -> Expr:
         """Body force density ρ(ü + α v − g) in N/m³."""
@@ -253,7 +253,7 @@ class WeakForm:
 
     def outer_work(self, u: Expr, v: Expr, w: Expr) -> list[Expr]:
         """Virtual work on `w` of each muscle that pulls from outside."""
-        return [pull.work(self._law, u, v, self.frozen, w) for pull in self.pulls]
+        return [pull.work(self.law, u, v, self.frozen, w) for pull in self.pulls]
 
     def inner_work(self, u: Expr, v: Expr, w: Expr) -> Expr:
         """Virtual work of the stresses on `w`."""
@@ -271,7 +271,7 @@ class WeakForm:
         terms = [Term(self._tissue_stress(self.u, v))]
         if self.slots.directions:
             I = ufl.Identity(3)  # noqa: E741
-            terms.append(self.slots.term(self._law, I + ufl.grad(self.u), ufl.grad(v), I + ufl.grad(self.frozen)))
+            terms.append(self.slots.term(self.law, I + ufl.grad(self.u), ufl.grad(v), I + ufl.grad(self.frozen)))
         try:
             return CellKernels(self.u, self.frozen, terms, self.inertia(v, a), self.model.quadrature_degree)
         except NotImplementedError:
@@ -315,9 +315,12 @@ class WeakForm:
 
     def balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
         """Balance of forces, tested with `w`."""
+        return self.free_balance(u, v, a, w) - sum(self.contact_work(name, u, v, w) for name in self.contacts.terms)
+
+    def free_balance(self, u: Expr, v: Expr, a: Expr, w: Expr) -> Expr:
+        """The same without contact."""
         inertia = ufl.inner(self.inertia(v, a), w) * self.dx_mass
-        surface = self.surface_work(u, v, w) + sum(self.contact_work(name, u, v, w) for name in self.contacts.terms)
-        return self.inner_work(u, v, w) + inertia - surface + self.suspension(u, v, a, w)
+        return self.inner_work(u, v, w) + inertia - self.surface_work(u, v, w) + self.suspension(u, v, a, w)
 
     def volume_balance(self, q: Expr) -> Expr:
         """In the mixed form, what ties pressure and volume, tested with `q`."""

@@ -7,6 +7,7 @@ __all__ = [
     "energy",
     "engine",
     "fields",
+    "gradient",
     "loop",
     "probes",
     "quadrature_points",

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from ..forms.weak_form import WeakForm
 from ..mechanics.model import Model
+from ..solvers.adjoint import Adjoint
 from ..solvers.equations import Equations
 from ..solvers.initial_acceleration import set_initial_acceleration
 from ..solvers.newton import Newton, Outcome
@@ -40,13 +41,17 @@ class Engine:
 
     Attributes
     ----------
+    probes : Probes
+        Those.
+    beginning : State, mapping
+        Where the last run began, and the levels of muscles that caused its acceleration; without any, nothing depends on them.
     log : callable
         Takes a line; settable.
     """
 
     def __init__(self, model: Model, muscles: Sequence[str], probes: Probes, stepping: Stepping, tolerances: Tolerances) -> None:
         self.log: Callable[[str], None] = lambda line: None
-        self._tolerances, self._quasi_static = tolerances, stepping.quasi_static
+        self._tolerances, self._quasi_static, self.probes = tolerances, stepping.quasi_static, probes
         self.weak = weak = WeakForm(model, muscles)
         scheme = (
             QuasiStatic(weak.u, weak.pressure)
@@ -55,12 +60,23 @@ class Engine:
         )
         self.equations = Equations(weak, scheme)
         self._rest = scheme.state
+        self.beginning: tuple[State, Mapping[str, float]] = scheme.state, {}
         self._newton = Newton(self.equations, tolerances, lambda line: self.log(line))
         self._sensors = Sensors(self.equations, probes)
+        self._adjoint: Adjoint | None = None
 
     def destroy(self) -> None:
-        """Free the solver, on all ranks at once."""
+        """Free the solvers, on all ranks at once."""
         self._newton.destroy()
+        if self._adjoint is not None:
+            self._adjoint.destroy()
+
+    @property
+    def adjoint(self) -> Adjoint:
+        """What goes back through steps; made when it is first asked for."""
+        if self._adjoint is None:
+            self._adjoint = Adjoint(self.equations)
+        return self._adjoint
 
     def renew(self, model: Model, muscles: Sequence[str]) -> bool:
         """Take another model and other muscles, if only numbers change; whether that was so."""
@@ -99,6 +115,7 @@ class Engine:
         self.equations.at(0.0, accelerating)
         if not self._quasi_static:
             set_initial_acceleration(self.equations, self._tolerances.atol)
+        self.beginning = self.equations.state, accelerating
         self.equations.at(0.0, levels)
         return self._begin(levels, None)
 

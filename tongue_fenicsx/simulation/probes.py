@@ -14,6 +14,7 @@ from dolfinx import fem, geometry
 from ..core.errors import InputError
 from ..core.types import Floats
 from ..core.values import check_name
+from ..forms.assembly import sum_over_ranks
 from ..meshing.tongue_mesh import TongueMesh
 
 
@@ -68,6 +69,13 @@ class Probes:
         total = np.zeros_like(table)
         V.mesh.comm.Allreduce(table, total)
         return total
+
+    def transposed(self, V: fem.FunctionSpace, rows: Floats) -> Floats:
+        """Derivative by the owned nodal values (flat) of a function of the values at the probes, from that by these, (n_probe, 3)."""
+        nodal = fem.Function(V)
+        for index, cell, shape in self._owned:
+            nodal.x.array.reshape(-1, 3)[V.dofmap.cell_dofs(cell)] += shape[:, None] * rows[index]
+        return sum_over_ranks(nodal.x)
 
 
 def _nearest(mesh: Any, tree: Any, midpoints: Any, point: Floats) -> tuple[int, Floats, float]:

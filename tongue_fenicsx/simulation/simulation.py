@@ -30,6 +30,7 @@ from ..solvers.tolerances import Tolerances
 from . import fields, records, summary  # noqa: F401  the standard quantities register themselves
 from .as_scenario import as_scenario
 from .engine import Engine
+from .gradient import Gradient, Objective, Recorder, go_back
 from .loop import Loop, Task
 from .probes import Probes
 from .quantities import FIELDS
@@ -175,6 +176,32 @@ class Simulation:
             loop.go()
             comm.barrier()
         return Run(store.path) if isinstance(store, Folder) else Run(Memory(comm.bcast(store.files)))
+
+    def gradient(self, objective: Objective, activation: Mapping[str, Course | Callable[[float], float]], t_end: float) -> Gradient:
+        """An objective of a run, and its derivatives by the activation of each muscle at each step: the discrete adjoint of the time scheme
+        with contact, force–length and force–velocity exact. The steps and how soft obstacles are count as given; solve to tight tolerances.
+
+        Parameters
+        ----------
+        objective : callable
+            See `Objective`.
+        activation : mapping
+            As of `run`, without feedback.
+        t_end : float
+            In s.
+
+        Raises
+        ------
+        InputError
+            As of `run`; for equilibria, the mixed form and suspended bones.
+        SolveError
+            As of `run`.
+        """
+        recorder, sides = Recorder(objective), resolve_sides(_control(activation), self.model)
+        engine = self._prepare([name for names in sides.values() for name in names])
+        adjoint = engine.adjoint  # where there is none, this says so before the run
+        self.run(activation, t_end, after_step=recorder.step)
+        return go_back(engine, adjoint, recorder)
 
     def _told(self, control: Control, t_end: float) -> Inputs:
         return as_scenario(self.model, self.stepping, self.tolerances, self.probes.rest, control, t_end)

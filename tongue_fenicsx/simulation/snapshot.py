@@ -48,6 +48,8 @@ class Snapshot:
     ----------
     t, h : float
         Time, and length of the step that led here, in s.
+    state : State
+        All of it.
     u, v : (n,) float arrays
         Displacement in m and velocity in m/s, local and flat.
     levels : mapping
@@ -56,14 +58,14 @@ class Snapshot:
 
     def __init__(self, sensors: Sensors, levels: Mapping[str, float]) -> None:
         self._sensors, self._weak, self._comm = sensors, sensors.equations.weak, sensors.equations.weak.V.mesh.comm
-        self._state = state = sensors.equations.state
+        self.state = state = sensors.equations.state
         self.t, self.h, self.u, self.v, self.levels = state.t, state.h, state.u, state.v, dict(levels)
         self.mean_velocity = sensors.equations.scheme.mean_velocity
 
     @property
     def _live(self) -> Sensors:
         """What reads the state, as long as it is the present one."""
-        if self._sensors.equations.state is not self._state:
+        if self._sensors.equations.state is not self.state:
             raise InputError(f"the state of t = {self.t:g} s is past; read what is wanted of it before the next step.")
         return self._sensors
 

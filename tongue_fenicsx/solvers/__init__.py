@@ -2,6 +2,7 @@
 """Time integration, Newton's method and linear solvers."""
 
 __all__ = [
+    "adjoint",
     "callbacks",
     "equations",
     "initial_acceleration",

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..core.types import Floats
+from ..forms.weak_form import WeakForm
 from .equations import Equations
 from .rigid_bodies import RigidBodies
 
@@ -25,12 +26,16 @@ def set_initial_acceleration(equations: Equations, least: float) -> None:
 
 def _acceleration(equations: Equations, least: float) -> Floats:
     """ü in m/s² (local, flat) of the present state."""
-    weak = equations.weak
-    V = weak.V
     forces = equations.forces.unbalanced()
+    if equations.weak.V.mesh.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) < least:
+        return np.zeros_like(equations.weak.u.x.array)
+    return accelerate(equations.weak, forces)
+
+
+def accelerate(weak: WeakForm, forces: Floats) -> Floats:
+    """The acceleration in m/s² (local, flat) that takes up forces in N, −M⁻¹ f, on owned nodes that are not held."""
+    V = weak.V
     found = fem.Function(V)
-    if V.mesh.comm.allreduce(float(abs(forces).max(initial=0.0)), op=MPI.MAX) < least:
-        return np.array(found.x.array)
     M = fem_petsc.assemble_matrix(weak.compile(weak.weighted(ufl.TrialFunction(V), ufl.TestFunction(V))), bcs=weak.bcs)
     M.assemble()
     x, b = M.createVecs()

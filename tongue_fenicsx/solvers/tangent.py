@@ -44,7 +44,7 @@ class Tangent:
         self._inner = None if kernels is None else equations.forces.inner
         self.linear = fem.functionspace(weak.V.mesh, ("P", 1, (3,))) if kernels is None else kernels.linear
         if kernels is None:
-            self._levels = [_Level(weak.compile(weak.equations(*rates)[1]), weak.bcs)]
+            self._levels = [Level(weak.compile(weak.equations(*rates)[1]), weak.bcs)]
         else:
             blocks = not weak.suspended_nodes
             self._levels = [_KernelLevel(kernels, "tangent", weak.bcs, _Surface(equations, weak.V), "baij" if blocks else None)]
@@ -68,7 +68,7 @@ class Tangent:
             level.matrix.destroy()
 
 
-class _Level:
+class Level:
     """A matrix with what it is assembled from, a form with what is fixed and the forms of the surface beside it."""
 
     def __init__(self, form: fem.Form, bcs: Sequence[fem.DirichletBC], surface: Iterable[fem.Form] = (), kind: str | None = None) -> None:
@@ -86,7 +86,7 @@ class _Level:
         self.matrix.assemble()
 
 
-class _KernelLevel(_Level):
+class _KernelLevel(Level):
     """The same of a kernel. Once the matrix has its entries, DOLFINx adds to it only where another rank has a say."""
 
     def __init__(

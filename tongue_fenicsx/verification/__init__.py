@@ -4,7 +4,7 @@
 from collections.abc import Callable, Iterator
 
 from ..testing import Row
-from . import calculix, contact, heart, material, motion, muscle
+from . import calculix, contact, gradient, heart, material, motion, muscle
 
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "laws": material.laws,
@@ -17,6 +17,7 @@ CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "decay": motion.decay,
     "contraction": motion.contraction,
     "ranks": motion.ranks,
+    "gradient": gradient.gradient,
     "contact": contact.tangent,
     "pressed": contact.pressed,
     "hertz": contact.hertz,

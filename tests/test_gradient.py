@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+"""Gradients of runs: by ranks, with a jump at the start, and by their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+import tongue_fenicsx as tf
+from tongue_fenicsx.core.types import Floats
+from tongue_fenicsx.simulation.gradient import Gradient
+from tongue_fenicsx.testing import box, with_fibres
+from tongue_fenicsx.verification.gradient import bar_with, objective_of
+
+DOWN = {"gravity": (0.0, 0.0, -9.81), "gravity_rise": 0.0}
+
+
+def sag(t: float, h: float, probes: Mapping[str, Floats]) -> tuple[float, Mapping[str, Floats]]:
+    """How far the end is up at the end, in mm."""
+    return (1e3 * float(probes["end"][2]), {"end": np.array([0.0, 0.0, 1e3])}) if t > 0.0199 else (0.0, {})
+
+
+OF_GGP, OF_VERT = [0.401460, 0.113179, 0.355860, 0.145860], [-0.179840, -0.0630061, -0.0157412, 0.00420081]
+"""By the knots of the bar's muscles, on one rank."""
+
+
+@pytest.mark.parallel
+def test_same_on_any_number_of_ranks() -> None:
+    """To the digits of the solves."""
+    value, by_knot = objective_of(bar_with("nitsche"), 0.0)
+    assert value == pytest.approx(0.492679, rel=1e-5)
+    np.testing.assert_allclose([by_knot["GGP_L"], by_knot["VERT_L"]], [OF_GGP, OF_VERT], rtol=1e-4)
+
+
+def test_every_level_of_every_step() -> None:
+    """Also that at t = 0, which only makes the initial acceleration; by both sides of a muscle that are named once."""
+    block = with_fibres(box((0.02, 0.01, 0.01), (3, 2, 2)))
+    block.muscles["GGP_R"] = block.muscles["GGP_L"]
+    model = tf.Model(block, tf.Tissue.calka(), fixed=["wall"], **DOWN)  # type: ignore[arg-type]
+    bar = tf.Simulation(
+        model, {"end": (0.02, 0.005, 0.005)}, tf.Stepping(5e-3, output_every=0.02), tf.Tolerances.of("tight", rtol=1e-9, linear=1e-9)
+    )
+    levels = np.array([0.02, 0.1, 0.15, 0.3, 0.2])
+
+    def course(change: Floats) -> dict[str, tf.Activation]:
+        at = levels + change
+        return {"GGP": tf.Activation(list(zip([5e-3] * 4, at[:-1], at[1:], strict=True)))}
+
+    found = bar.gradient(sag, course(np.zeros(5)), 0.02)
+    np.testing.assert_allclose(found.times, np.linspace(0, 0.02, 5), atol=1e-12)
+    np.testing.assert_allclose(found.levels["GGP_L"], found.levels["GGP_R"], rtol=1e-6)
+    step = 1e-5
+    nearby = [[bar.run(course(sign * step * one), 0.02).probes["end"][-1, 2] for sign in (1, -1)] for one in np.eye(5)]
+    expected = [1e3 * (up - down) / (2 * step) for up, down in nearby]
+    assert abs(expected[0]) > 1e-3 * max(map(abs, expected))
+    np.testing.assert_allclose(found.levels["GGP_L"] + found.levels["GGP_R"], expected, rtol=1e-3, atol=1e-6 * max(map(abs, expected)))
+
+
+def test_by_knots() -> None:
+    """Derivatives by the levels of steps are shared among the knots beside them."""
+    of_steps = Gradient(0.0, np.array([0.0, 0.1, 0.2, 0.3]), {"GGP_L": np.array([1.0, 2.0, 4.0, 8.0])})
+    np.testing.assert_allclose(of_steps.by_knots("GGP_L", np.array([0.0, 0.2])), [1.0 + 1.0, 1.0 + 4.0 + 8.0])
+
+
+@pytest.mark.parametrize("kind", ["mixed", "static"])
+def test_what_has_no_gradient_yet(kind: str) -> None:
+    """Is said before anything long."""
+    model = tf.Model(with_fibres(box((0.02, 0.01, 0.01), (2, 1, 1))), fixed=["wall"], mixed=kind == "mixed", **DOWN)  # type: ignore[arg-type]
+    bar = tf.Simulation(model, {"end": (0.02, 0.005, 0.005)}, tf.Stepping(5e-3, output_every=5e-3, quasi_static=kind == "static"))
+    with pytest.raises(tf.InputError, match=r"gradient: motion in the displacement form"):
+        bar.gradient(sag, {"GGP": tf.ramp(0.01, 0.1)}, 5e-3)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: MIT
+"""Gradients of a whole run: how an objective would change with the activations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.types import Floats
+from ..solvers.adjoint import Adjoint, Costate
+from ..solvers.time_integration import State
+from .engine import Engine
+from .snapshot import Snapshot
+
+Objective = Callable[[float, float, Mapping[str, Floats]], tuple[float, Mapping[str, Floats]]]
+"""Of a step: takes its end and its length in s and the displacement (3,) in m of each probe; returns what the step adds to the objective,
+and the derivative (3,) of that by the displacement of each probe that matters."""
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """An objective of a run and its derivatives.
+
+    Attributes
+    ----------
+    value : float
+        The objective.
+    times : (n + 1,) array
+        0 and the end of each step, in s.
+    levels : dict
+        Muscle, with its side, to the derivatives (n + 1,) by its activation at these times.
+    """
+
+    value: float
+    times: Floats
+    levels: dict[str, Floats]
+
+    def by_knots(self, muscle: str, knots: Floats) -> Floats:
+        """Derivatives (n,) by the levels at knots (n,) in s between which the activation of a muscle (with its side) is straight."""
+        hats = np.array([np.interp(self.times, knots, hat) for hat in np.eye(len(knots))])
+        return np.asarray(hats @ self.levels[muscle])
+
+
+class Recorder:
+    """Keeps what going back through a run needs; its `step` is to be called after each."""
+
+    def __init__(self, objective: Objective) -> None:
+        self._objective = objective
+        self.states: list[State] = []
+        self.levels: list[Mapping[str, float]] = []
+        self.by_probe: list[Mapping[str, Floats]] = []
+        self.value = 0.0
+
+    def step(self, now: Snapshot) -> None:
+        """Note an accepted state."""
+        added, by_probe = self._objective(now.t, now.h, now.probes)
+        self.value += added
+        self.states.append(now.state)
+        self.levels.append(now.levels)
+        self.by_probe.append(by_probe)
+
+
+def go_back(engine: Engine, adjoint: Adjoint, recorded: Recorder) -> Gradient:
+    """The gradient of the last run of an engine, which was recorded."""
+    probes, V = engine.probes, engine.weak.V
+    start, levels = engine.beginning
+    states = [start, *recorded.states]
+    nil = np.zeros(3 * V.dofmap.index_map.size_local)
+    costate, found = Costate(nil, nil, nil, nil), []
+    for before, after, at, by_probe in reversed(list(zip(states, states[1:], recorded.levels, recorded.by_probe, strict=False))):
+        rows = np.array([by_probe.get(name, np.zeros(3)) for name in probes.names])
+        end = Costate(costate.u + probes.transposed(V, rows), costate.v, costate.acceleration, costate.auxiliary)
+        costate, by_level = adjoint.back(end, before, after, at)
+        found.append(by_level)
+    found.append(adjoint.begin(costate, start, levels) if levels else np.zeros_like(by_level))
+    by_level = np.array(found[::-1])
+    return Gradient(recorded.value, np.array([state.t for state in states]), dict(zip(engine.weak.slots.names, by_level.T, strict=True)))

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: MIT
+"""The discrete adjoint of the generalized-alpha scheme: what the end of a step owes to its begin and to the muscles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..core.errors import InputError, SolveError
+from ..core.types import Expr, Floats
+from ..forms.assembly import assemble
+from .equations import Equations
+from .initial_acceleration import accelerate
+from .linear import LinearSolvers
+from .options import SolverOptions
+from .tangent import Level, Tangent
+from .time_integration import GeneralizedAlpha, State
+
+RTOL = 1e-7
+"""Relative residual of each linear solve."""
+
+
+@dataclass(frozen=True)
+class Costate:
+    """Derivatives of an objective by the displacement, velocity, acceleration and auxiliary acceleration of a state, at the nodes that this
+    rank owns, flat."""
+
+    u: Floats
+    v: Floats
+    acceleration: Floats
+    auxiliary: Floats
+
+
+class Adjoint:
+    """Goes through the steps of a run backwards; derivatives are of the whole balance, also of what the solver's tangent leaves out.
+
+    Parameters
+    ----------
+    equations : Equations
+        Of the run.
+
+    Raises
+    ------
+    InputError
+        For the mixed form, suspended bones and equilibria.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self._equations = equations
+        self._weak = weak = equations.weak
+        scheme = equations.scheme
+        if weak.pressure is not None or weak.suspended_nodes or not isinstance(scheme, GeneralizedAlpha):
+            raise InputError("gradient: motion in the displacement form, without suspended bones, is expected.")
+        self._scheme = scheme
+        V, u = weak.V, weak.u
+        test, trial = ufl.TestFunction(V), ufl.TrialFunction(V)
+        self._multiplier = lam = fem.Function(V)
+        touching = weak.contacts.derivatives()
+
+        def free(w: Expr) -> Expr:
+            return ufl.replace(weak.free_balance(u, scheme.v, scheme.acceleration, w), {weak.frozen: u})
+
+        def contact(name: str, w: Expr) -> Expr:
+            return ufl.replace(-weak.contact_work(name, u, scheme.v, w), {weak.frozen: u})
+
+        def by(function: fem.Function, direction: Expr) -> Any:
+            return weak.compile(ufl.derivative(free(lam), function, direction))
+
+        self._transposed = Level(
+            weak.compile(ufl.derivative(free(trial), u, test)),
+            weak.bcs,
+            weak.compile_contacts(lambda name: ufl.derivative(contact(name, trial), u, test, touching)),
+            "baij",
+        )
+        self._by_v, self._by_a = by(scheme._v_part, test), by(scheme._a_part, test)
+        self._slots = [(weak.slots, self._by_slots(weak.slots, lambda f, w: [by(f, w)]))]
+        self._contact_by_v: Any = ()
+        if (on_surface := weak.surface_slots) is not None:
+
+            def by_contact(function: fem.Function, direction: Expr) -> Any:
+                return weak.compile_contacts(lambda name: ufl.derivative(contact(name, lam), function, direction))
+
+            self._contact_by_v = by_contact(scheme._v_part, test)
+            self._slots.append((on_surface, self._by_slots(on_surface, by_contact)))
+        rates = weak.u, scheme.v, weak.u, lam
+        self._pulls = [(pull, weak.compile(pull.work_of_one(weak.law, *rates))) for pull in weak.pulls]
+        self._options = SolverOptions()
+        self._tangent = Tangent(equations)  # near enough to its transpose for a preconditioner
+        self._options.put(self._options.prefix + "gmres_pmg_", {"ksp_gmres_restart": 60})
+        self._linear = LinearSolvers(weak, self._tangent, self._tangent.matrix, None, self._options, RTOL)
+
+    def _by_slots(self, slots: Any, by: Any) -> tuple[list[Any], Any]:
+        stiffening = self._weak.model.contraction.stiffening
+        fields = [*slots.tensions, *([slots.stiffness] if stiffening else [])]
+        forms = [by(field, ufl.TestFunction(field.function_space)) for field in fields]
+        return (forms[:-1], forms[-1]) if stiffening else (forms, None)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, on all ranks at once."""
+        self._linear.destroy()
+        self._transposed.matrix.destroy()
+        self._tangent.destroy()
+        self._options.clear()
+
+    def back(self, end: Costate, before: State, after: State, levels: Mapping[str, float]) -> tuple[Costate, Floats]:
+        """From the end of a step to its begin.
+
+        Parameters
+        ----------
+        end : Costate
+            Of the state `after` the step.
+        before, after : State
+            Of the run.
+        levels : mapping
+            Of the muscles in the step.
+
+        Returns
+        -------
+        Costate
+            Of the state before.
+        (n_muscles,) array
+            Derivative by the level of each muscle of the weak form's slots.
+        """
+        equations, scheme = self._equations, self._scheme
+        h = after.t - before.t
+        equations.restore(before)
+        equations.at(after.t, levels)
+        self._weak.contacts.begin(after.gammas, relax=False)
+        self._weak.u.x.array[:] = after.u
+        self._weak.update()
+        m, f, g, b = scheme.alpha_m, scheme.alpha_f, scheme.gamma, scheme.beta
+        (v_factor, _), (a_factor, _) = scheme.rates
+        a = end.acceleration + (1 - f) / (1 - m) * end.auxiliary
+        self._solve(-(end.u + v_factor * end.v + a_factor * a))
+        v = end.v + assemble(self._by_v, *self._contact_by_v)
+        a = a + assemble(self._by_a)
+        known = v_factor * v + a_factor * a
+        auxiliary = h * (1 - g) * v + m / (1 - f) * a - h**2 * (0.5 - b) * known - m / (1 - m) * end.auxiliary
+        share = 1.0 if before.h in (0.0, h) else h / before.h
+        acceleration = f / (1 - m) * end.auxiliary - f / (1 - f) * a + (1 - share) * auxiliary
+        return Costate(-known, v - h * known, acceleration, share * auxiliary), self._by_level()
+
+    def begin(self, end: Costate, start: State, levels: Mapping[str, float]) -> Floats:
+        """What the initial acceleration, which muscles at `levels` cause, adds to the derivative by these."""
+        self._equations.restore(start)
+        self._equations.at(start.t, levels)
+        self._equations.restore(start)
+        self._multiplier.x.array[:] = accelerate(self._weak, (end.acceleration + end.auxiliary).reshape(-1, 3))
+        return self._by_level()
+
+    def _solve(self, right: Floats) -> None:
+        """The multiplier λ, for which the transposed tangent times it is the `right` side."""
+        right[self._weak.fixed_dofs] = 0.0
+        self._transposed.assemble()
+        self._tangent.assemble()
+        self._linear.update()
+        A = self._transposed.matrix
+        x, b = A.createVecs()
+        b.array[:] = right
+        x.array[:] = self._multiplier.x.array[: len(right)]  # of the step after, which is near
+        for rung, near in (("gmres+pmg", self._tangent.matrix), ("mumps", A)):
+            ksp = self._linear.solver(rung, lambda: None)
+            ksp.setOperators(A, near)
+            ksp.setInitialGuessNonzero(rung != "mumps")
+            ksp.solve(b, x)
+            if ksp.getConvergedReason() > 0:
+                break
+        else:
+            raise SolveError(f"gradient: the linear solve of the adjoint failed ({ksp.getConvergedReason()}).")
+        self._multiplier.x.array[: len(right)] = x.array_r
+        self._multiplier.x.scatter_forward()
+        x.destroy()
+        b.destroy()
+
+    def _by_level(self) -> Floats:
+        """λ times the derivative of the balance by the level of each muscle."""
+        found = np.zeros(len(self._weak.slots.names))
+        for slots, (tensions, stiffness) in self._slots:
+            by_tension = [_spread(slots.tensions[0], forms) for forms in tensions]
+            found += slots.levels_from(by_tension, None if stiffness is None else _spread(slots.stiffness, stiffness))
+        for pull, form in self._pulls:
+            found[self._weak.slots.names.index(pull.name)] -= pull.peak_stress * fem.assemble_scalar(form)
+        return np.asarray(self._weak.V.mesh.comm.allreduce(found))
+
+
+def _spread(field: fem.Function, forms: Any) -> Floats:
+    """Vector forms of the cells of this rank, at all nodes of their elements."""
+    total: Floats = np.zeros_like(field.x.array)
+    for form in forms:
+        fem.assemble_vector(total, form)
+    return total
