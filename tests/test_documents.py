@@ -32,7 +32,7 @@ SCENARIOS = sorted(
     path
     for room in ("demos", "benchmarks")
     for path in HOUSE.glob(f"{room}/**/*.toml")
-    if path.parent != SUBJECT_FILES and path not in SWEEPS
+    if path.parent != SUBJECT_FILES and path not in SWEEPS and path.name != "fit.toml"
 )
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 

@@ -8,6 +8,8 @@ __all__ = [
     "calibration",
     "cases",
     "designs",
+    "fit_file",
+    "fitting",
     "plan",
     "pool",
     "postures",

@@ -113,12 +113,9 @@ def load(path: Path, changes: Sequence[str] | None = None) -> tuple[dict[str, An
         file = SweepFile.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, SweepFile)}") from error
-    if not isinstance(file.base, str | dict):
-        raise InputError(f"{path}: base: {file.base!r}; the file of a scenario, or its tables, are expected.")
+    base, folder = base_of(file.base, path, changes)
     if not (file.vary or file.table or file.sample or file.random_activations):
         raise InputError(f"{path}: nothing is varied; one or more of vary, table, sample and random_activations are expected.")
-    base, folder = (file.base, path.parent) if isinstance(file.base, dict) else _base(path.parent / file.base)
-    _change(base, changes)
     for drawn in (file.sample, file.random_activations):
         if drawn is not None:
             base["seed"] = drawn.seed
@@ -165,6 +162,21 @@ def _several(text: str) -> list[Any]:
         return list(toml_value(f"[{text}]"))
     except ValueError:
         return text.split(",")
+
+
+def base_of(base: Any, path: Path, changes: Sequence[str] | None) -> tuple[dict[str, Any], Path]:
+    """The tables of a base, given so or by its file, with changes, and the folder that its paths are relative to.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or cannot be read; beginning with the `path` of the file that has it.
+    """
+    if not isinstance(base, str | dict):
+        raise InputError(f"{path}: base: {base!r}; the file of a scenario, or its tables, are expected.")
+    data, folder = (base, path.parent) if isinstance(base, dict) else _base(path.parent / base)
+    _change(data, changes)
+    return data, folder
 
 
 def _base(path: Path) -> tuple[dict[str, Any], Path]:

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: MIT
+"""Activations from movement: what made a movement is found again, interrupted or not, and bad input is said."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import tongue as command
+
+import tongue_fenicsx as tf
+from tongue_fenicsx.scenario.build import activation_of
+from tongue_fenicsx.scenario.files import load
+from tongue_fenicsx.studies import fit_file, fitting
+from tongue_fenicsx.verification.gradient import bar_with
+
+FIT = """
+muscles = ["GGP", "MH"]
+knots = 0.02
+effort = 1e-4
+haste = 1e-4
+iterations = {iterations}
+[base]
+mesh = {{ file = "{mesh}" }}
+time = {{ end = 0.04, step = 0.01 }}
+output = {{ every = 0.04 }}
+[target.dorsum]
+table = "dorsum.csv"
+[target.root]
+table = "root.csv"
+unit = "m"
+"""
+
+
+def test_a_twin() -> None:
+    """The activations of two muscles of a bar that strikes a floor, from the paths of two of its points."""
+    model = bar_with("nitsche").model
+    bar = tf.Simulation(model, {"end": (0.02, 0.005, 0.005), "side": (0.01, 0.0, 0.01)}, tf.Stepping(5e-3, output_every=0.05))
+    knots = np.array([0.0, 0.025, 0.05])
+    truth = {"GGP_L": np.array([0.0, 0.5, 0.3]), "VERT_L": np.array([0.0, 0.2, 0.6])}
+    run = bar.run(fitting.courses(knots, truth), 0.05)
+    paths = {name: fitting.Path(run.time, path) for name, path in run.probes.items()}
+    told: list[fitting.Fit] = []
+    found = fitting.fit(bar, paths, list(truth), knots, effort=1e-5, haste=1e-5, report=told.append)
+    for name, levels in truth.items():
+        np.testing.assert_allclose(found.levels[name], levels, atol=0.05)
+    assert max(found.distance.values()) < 0.05 < max(told[0].distance.values())
+    objectives = [fit.objective for fit in told]
+    assert objectives == sorted(objectives, reverse=True)
+    assert found.objective == objectives[-1]
+    again = bar.run(found.activation, 0.05)
+    away = [np.sqrt(np.mean(np.sum((1e3 * (again.probes[n] - run.probes[n])[1:]) ** 2, axis=1))) for n in paths]
+    np.testing.assert_allclose(list(found.distance.values()), away, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It leaves a scenario, how it went and a run; called again it goes on from the best, which is no worse."""
+    tongue = tf.TongueMesh.read(tongue_file)
+    truth = {"GGP": tf.Activation([(0.02, 0.0, 0.3), (0.02, 0.3, 0.2)]), "MH": tf.Activation([(0.02, 0.0, 0.1), (0.02, 0.1, 0.4)])}
+    run = tf.Simulation(tf.Model(tongue), stepping=tf.Stepping(0.01, output_every=0.04)).run(truth, 0.04)
+    for name, unit, head in (("dorsum", 1e3, "t,x,y,z"), ("root", 1.0, "")):
+        rows = np.column_stack([run.time, unit * run.probes[name]])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=head, comments="")
+    file, output = tmp_path / "fit.toml", tmp_path / "fit"
+    best = []
+    for iterations in (4, 20):
+        file.write_text(FIT.format(mesh=tongue_file, iterations=iterations))
+        code, said = command(capsys, "fit", file, "-o", output)
+        assert code == 0, said
+        with open(output / "fit.csv", newline="") as table:
+            best.append(float(list(csv.DictReader(table))[-1]["objective_mm2"]))
+    assert best[1] < 0.5 * best[0]
+    found = activation_of(load(output / "best.toml"))
+    for name, course in truth.items():  # what the last knot does has hardly begun to show
+        assert found[name](0.02) == pytest.approx(course(0.02), abs=0.05)
+    assert np.linalg.norm(tf.Run(output / "run").probes["dorsum"][-1] - run.probes["dorsum"][-1]) < 1e-4
+
+
+def test_the_demo() -> None:
+    """It can be read, and its path is that of the tip."""
+    task = fit_file.read(Path(__file__).parents[1] / "demos" / "fit.toml")
+    assert list(task.paths) == ["tip"]
+    np.testing.assert_allclose(task.knots, [0, 0.05, 0.1, 0.15, 0.2])
+    np.testing.assert_allclose(task.paths["tip"].at(0.2), [2e-3, 0, 5e-3])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"GGP", "MH"', '"GGX"', "no muscle 'GGX'"),
+        ("target.root", "target.nose", "no probe 'nose'"),
+        ("knots = 0.02", "knots = 0", "knots: 0"),
+        ("root.csv", "none.csv", "does not exist"),
+        ("dorsum.csv", "fit.toml", "four columns"),
+        ('unit = "m"', 'unit = "inch"', "one of m, cm, mm"),
+        ('"GGP", "MH"', "", "muscles: at least one"),
+        ("step = 0.01", "step = -1", "base: time.step"),
+    ],
+)
+def test_bad_fits(old: str, new: str, message: str, tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One sentence, before anything is computed."""
+    for name in ("dorsum", "root"):
+        (tmp_path / f"{name}.csv").write_text("0,0,0,0\n0.04,1e-3,0,0\n")
+    (tmp_path / "fit.toml").write_text(FIT.format(mesh=tongue_file, iterations=1).replace(old, new))
+    code, said = command(capsys, "fit", tmp_path / "fit.toml", "-o", tmp_path / "fit")
+    assert (code, message in said) == (2, True), said
+    assert not (tmp_path / "fit" / "run").exists()
