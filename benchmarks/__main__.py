@@ -142,7 +142,7 @@ def main() -> int:
     if chosen.against:
         FOLDER.mkdir(parents=True, exist_ok=True)
         for row in pairs.compare(chosen.against, FOLDER, chosen.repeats, chosen.full):
-            print(table(["", row.pop("run")], ([key, f"{value:.3g}"] for key, value in row.items())))
+            print(table(["", row.pop("run")], ([key, f"{value:.3g}"] for key, value in row.items())), flush=True)
         return 0
     PETSc.Log.begin()
     about = machine() | {"versions": versions()}

@@ -44,20 +44,18 @@ def checked_out(commit: str) -> Iterator[Path]:
             subprocess.run(["git", "worktree", "remove", "--force", str(tree)], check=True)
 
 
-def compare(commit: str, folder: Path, repeats: int, full: bool) -> list[dict[str, Any]]:
+def compare(commit: str, folder: Path, repeats: int, full: bool) -> Iterator[dict[str, Any]]:
     """A row for each run: medians of both commits in s, their ratio, and in mm how far their probes end apart."""
-    rows = []
     with checked_out(commit) as tree, tempfile.TemporaryDirectory(dir=folder) as scratch:
-        for name, (scenario, changes, ranks) in cases(folder, full).items():
+        for number, (name, (scenario, changes, ranks)) in enumerate(cases(folder, full).items()):
             done: dict[str, list[Finished]] = {"old": [], "new": []}
             for turn in range(-1, repeats):  # the first, which compiles, is short and does not count
                 for which, code in (("old", tree), ("new", Path.cwd()))[:: 1 if turn % 2 else -1]:
-                    output = Path(scratch) / f"{name[:5]}-{which}-{turn}"
+                    output = Path(scratch) / f"{number}-{which}-{turn}"
                     short = ["time.end=0.01"] if turn < 0 else []
                     done[which].append(run(code / scenario, output, *changes, *short, ranks=ranks, code=code))
             old, new = (of[1:] for of in done.values())
-            rows.append({"run": name} | _row(old, new))
-    return rows
+            yield {"run": name} | _row(old, new)
 
 
 def _row(old: list[Finished], new: list[Finished]) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def test_a_step(preset: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_steady(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A row is repeated until its medians are known: seven times if it hardly varies, more if it does, three if patience ends."""
+    """A row is repeated until its medians are known: seven times if it hardly varies, more if it does, once if there is no patience."""
 
     def times(spread: float) -> int:
         rng, done = np.random.default_rng(1), []
@@ -43,7 +43,7 @@ def test_steady(monkeypatch: pytest.MonkeyPatch) -> None:
     assert times(0.001) == 7
     assert 20 < times(0.3) < 2000
     monkeypatch.setattr(timing, "PATIENCE", 0.0)
-    assert times(0.3) == 3
+    assert times(0.3) == 1
 
 
 PROJECT = """
