@@ -45,14 +45,12 @@ def row_of(name: str, done: Finished) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def measurements(full: bool) -> dict[str, Table]:
-    """All tables."""
+def measurements(full: bool, found: dict[str, Table]) -> None:
+    """Fill in all tables, one after the other."""
     preset = "reference" if full else "coarse"
     step = 6.25e-3
     say("peers")
-    found: dict[str, Table] = {
-        "peers": [vars(peer) | {"per newton (s)": peer.per_newton} for peer in peers.peers(*((8, 10) if full else (4, 10)))]
-    }
+    found["peers"] = [vars(peer) | {"per newton (s)": peer.per_newton} for peer in peers.peers(*((8, 10) if full else (4, 10)))]
     if full:
         say("peers at the chapter's size")
         found["peers at the chapter's size"] = [vars(peer) | {"per newton (s)": peer.per_newton} for peer in peers.large(15, 5)]
@@ -96,7 +94,6 @@ def measurements(full: bool) -> dict[str, Table]:
         row_of("demo, first run with compilation", first),
         row_of("demo", run(Path("demos/ggp.toml"), FOLDER / "demo", *demo)),
     ]
-    return found
 
 
 def timings(tables: dict[str, Table]) -> dict[str, float]:
@@ -139,15 +136,19 @@ def main() -> int:
     parser.add_argument("--against", metavar="COMMIT", help="compare runs with those of a commit, in turn, and nothing else")
     parser.add_argument("--repeats", type=int, default=5, help="how often each of those runs, of which the median counts")
     chosen = parser.parse_args()
+    FOLDER.mkdir(parents=True, exist_ok=True)
     if chosen.against:
-        FOLDER.mkdir(parents=True, exist_ok=True)
         for row in pairs.compare(chosen.against, FOLDER, chosen.repeats, chosen.full):
             print(table(["", row.pop("run")], ([key, f"{value:.3g}"] for key, value in row.items())), flush=True)
         return 0
     PETSc.Log.begin()
     about = machine() | {"versions": versions()}
-    tables = measurements(chosen.full)
+    tables: dict[str, Table] = {}
     stem = "full" if chosen.full else "quick"
+    try:
+        measurements(chosen.full, tables)
+    finally:  # an hour's work is not lost with its last row
+        (FOLDER / f"{stem}.part.md").write_text(page(tables, about), encoding="utf-8")
     committed = HERE / f"{stem}.json"
     folder = HERE if chosen.update else FOLDER
     result = {"machine": about, "tables": tables, "ratios": timings(tables)}

@@ -7,6 +7,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -57,10 +58,12 @@ class Finished:
 def run(
     scenario: Path, output: Path, *changes: str, ranks: int = 1, environment: dict[str, str] | None = None, code: Path | None = None
 ) -> Finished:
-    """``tongue run`` in a process of its own, with PETSc's log; of the project in the folder `code`, if there is one."""
+    """``tongue run`` in a process of its own, with PETSc's log; of the project in the folder `code`, if there is one. What an earlier one
+    left in the output folder goes."""
     scenario, output = scenario.resolve(), output.resolve()
-    log = output.with_suffix(".csv")
+    log = output.with_name(f"{output.name}.csv")
     output.parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(output, ignore_errors=True)
     command = [sys.executable, "-m", "tongue_fenicsx", "run", str(scenario), "-o", str(output)]
     command += [word for change in changes for word in ("--set", change)]
     if ranks > 1:

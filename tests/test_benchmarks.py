@@ -56,12 +56,14 @@ pathlib.Path(os.environ["PETSC_OPTIONS"].split(":")[1]).write_text("Rank,Event N
 
 
 def test_each_commit_runs_its_own_code(tmp_path: Path) -> None:
-    """Wherever the benchmark is called from."""
+    """Wherever the benchmark is called from, and again where it has been."""
     for name in ("old", "new"):
         (tmp_path / name / "tongue_fenicsx").mkdir(parents=True)
         (tmp_path / name / "tongue_fenicsx" / "__main__.py").write_text(PROJECT.format(name))
-        done = timing.run(tmp_path / "any.toml", tmp_path / "runs" / name, code=tmp_path / name)
-        assert done.summary == {"name": name}
+        for step in ("1.25", "1.5", "1.25"):  # names that differ behind a dot, and a folder that is there already
+            done = timing.run(tmp_path / "any.toml", tmp_path / "runs" / f"{name}-{step}", code=tmp_path / name)
+            assert done.summary == {"name": name}
+    assert len(list((tmp_path / "runs").glob("*.csv"))) == 4
 
 
 def test_profiles() -> None:
