@@ -4,6 +4,10 @@
 from __future__ import annotations
 
 import csv
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +81,22 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
     for name, course in truth.items():  # what the last knot does has hardly begun to show
         assert found[name](0.02) == pytest.approx(course(0.02), abs=0.05)
     assert np.linalg.norm(tf.Run(output / "run").probes["dorsum"][-1] - run.probes["dorsum"][-1]) < 1e-4
+
+
+@pytest.mark.slow
+def test_interrupted(tongue_file: Path, tmp_path: Path) -> None:
+    """Ctrl-C leaves the best so far, and says so."""
+    for name in ("dorsum", "root"):
+        (tmp_path / f"{name}.csv").write_text("0,0,0,0\n0.04,1e-3,0,0\n")
+    (tmp_path / "fit.toml").write_text(FIT.format(mesh=tongue_file, iterations=1000))
+    line = [sys.executable, "-m", "tongue_fenicsx", "fit", str(tmp_path / "fit.toml"), "-o", str(tmp_path / "fit")]
+    process = subprocess.Popen(line, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    while not (tmp_path / "fit" / "best.toml").exists() and process.poll() is None:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert (process.returncode, "best.toml" in said.replace("\n", "")) == (130, True), said
+    assert set(load(tmp_path / "fit" / "best.toml").activation) == {"GGP", "MH"}
 
 
 def test_the_demo() -> None:

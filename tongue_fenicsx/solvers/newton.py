@@ -206,11 +206,13 @@ class Newton:
         return max(self._tolerances.atol, self._tolerances.rtol * self._borne)
 
     def _form_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._tangent.assemble(coarse=snes.getIterationNumber() == 0 or snes.getKSP().getIterationNumber() > STALE)
+        static = isinstance(self._equations.scheme, QuasiStatic)
+        serves = snes.getIterationNumber() > 0 and snes.getKSP().getIterationNumber() <= STALE
+        self._tangent.assemble(coarse=static or not serves)  # the first guess of an equilibrium may be far from it
         if self._bodies is not None:
             self._bodies.tangent(self._tangent.matrix, self._operator)
         self._linear.update()
-        if not isinstance(self._equations.scheme, QuasiStatic):  # the next guess extrapolates what is left of an equilibrium's residual
+        if not static:  # the next guess extrapolates what is left of an equilibrium's residual
             self._linear.aim(float(snes.getFunction()[0].norm()), self._enough)
 
 

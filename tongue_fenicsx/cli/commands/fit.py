@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ...core.interruption import Interrupted
 from ..options import Changes
 from ..terminal import console
 
@@ -38,8 +39,11 @@ def fit(
         away = ", ".join(f"{name} {d:.2f} mm" for name, d in found.distance.items())
         console.print(f"run {found.evaluations}: {away} away (root mean square over time)")
 
-    with within(file):
-        found = fit_file.fit(task, output, say)
+    try:
+        with within(file):
+            found = fit_file.fit(task, output, say)
+    except Interrupted as signal:
+        raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {output / fit_file.BEST}") from None
     if rank == 0:
         for name, levels in found.levels.items():
             console.print(f"  {name}: " + ", ".join(f"{level:.2f}" for level in levels))
