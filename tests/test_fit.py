@@ -45,7 +45,7 @@ def test_a_twin() -> None:
     knots = np.array([0.0, 0.025, 0.05])
     truth = {"GGP_L": np.array([0.0, 0.5, 0.3]), "VERT_L": np.array([0.0, 0.2, 0.6])}
     run = bar.run(fitting.courses(knots, truth), 0.05)
-    paths = {name: fitting.Path(run.time, path) for name, path in run.probes.items()}
+    paths = {name: fitting.Track(run.time, path) for name, path in run.probes.items()}
     told: list[fitting.Fit] = []
     found = fitting.fit(bar, paths, list(truth), knots, effort=1e-5, haste=1e-5, report=told.append)
     for name, levels in truth.items():

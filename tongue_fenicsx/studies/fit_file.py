@@ -53,7 +53,7 @@ class Task:
 
     file: FitFile
     scenario: Scenario
-    paths: Mapping[str, fitting.Path]
+    paths: Mapping[str, fitting.Track]
 
     @property
     def knots(self) -> Floats:
@@ -80,7 +80,7 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
     return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths)
 
 
-def _path_of(table: Path, unit: float) -> fitting.Path:
+def _path_of(table: Path, unit: float) -> fitting.Track:
     """A table of four columns; a first line of names is skipped."""
     with reading(table, "four columns, time in s and displacement backward, to the right and up,"):
         lines = [line for line in table.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
@@ -88,7 +88,7 @@ def _path_of(table: Path, unit: float) -> fitting.Path:
         if rows.shape[1] != 4 or len(rows) == 0:
             raise ValueError(f"{rows.shape[1]} columns")
         with within(table):
-            return fitting.Path(rows[:, 0], unit * rows[:, 1:])
+            return fitting.Track(rows[:, 0], unit * rows[:, 1:])
 
 
 def fit(task: Task, output: Path, report: Any) -> Fit:

@@ -17,7 +17,7 @@ from ..simulation.simulation import Simulation, resolve_sides
 
 
 @dataclass(frozen=True)
-class Path:
+class Track:
     """Where a probe should be.
 
     Attributes
@@ -87,7 +87,7 @@ def courses(knots: Floats, levels: Mapping[str, Floats]) -> dict[str, Course]:
 class _Distance:
     """Mean square distance in mm² of probes from their paths, over time and probes; an `Objective`."""
 
-    paths: Mapping[str, Path]
+    paths: Mapping[str, Track]
     end: float
     of: dict[str, float] = field(default_factory=dict)
 
@@ -104,7 +104,7 @@ class _Distance:
 
 def fit(
     simulation: Simulation,
-    paths: Mapping[str, Path],
+    paths: Mapping[str, Track],
     muscles: Sequence[str],
     knots: Floats,
     *,
