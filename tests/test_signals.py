@@ -99,6 +99,24 @@ def test_while_it_runs(command: list[str], tmp_path: Path) -> None:
     assert (folder / "figures" / "midsagittal.png").is_file()
 
 
+LAST = """
+import os, signal, sys
+from tongue_fenicsx.cli import process
+process.prepare()
+class Last:
+    def __del__(self, kill=os.kill, me=os.getpid()):
+        kill(me, {number})
+last = Last()
+sys.exit(5)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_while_python_ends(number: int) -> None:
+    """The command is over, and keeps its exit code."""
+    assert subprocess.run([sys.executable, "-c", LAST.format(number=int(number))], timeout=60).returncode == 5
+
+
 def test_while_it_draws(command: list[str], tmp_path: Path) -> None:
     """The run is whole, and the pictures are not."""
     code, _, err = signalled([*command, *SHORT], lambda process: (tmp_path / "[/red]" / "summary.json").is_file(), signal.SIGINT)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import os
+import signal
 import sys
 from typing import Any
 
@@ -16,6 +18,9 @@ received = 0
 
 def prepare() -> None:
     """Go on where the terminal does not; let the first SIGINT or SIGTERM end the command as `Interrupted`, a second one at once."""
+    atexit.register(
+        on_signals, signal.SIG_IGN
+    )  # the last to be called; then Python lets go of handlers, and a signal would end it by itself
     for descriptor in range(3):
         try:
             os.fstat(descriptor)

@@ -48,7 +48,7 @@ def leave_at_once(number: int, frame: object) -> None:
     os._exit(128 + number)
 
 
-def on_signals(handler: Callable[[int, object], object]) -> None:
+def on_signals(handler: Callable[[int, object], object] | signal.Handlers) -> None:
     """Let Ctrl-C and SIGTERM call a handler; under mpiexec, where a rank that waits in MPI never comes to it, let them end the process."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_DFL if launched() else handler)
