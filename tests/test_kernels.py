@@ -76,7 +76,7 @@ def test_same_as_ffcx(name: str) -> None:
     equations = Equations(weak, scheme)
     equations.at(0.01, dict.fromkeys(block.muscles, 0.6))
     weak.u.interpolate(lambda X: 1e-3 * np.array([np.sin(200 * X[1]), 0.7 * np.sin(180 * X[0]), -0.4 + np.sin(160 * X[0])]))
-    scheme._v_part.interpolate(lambda X: 0.02 * np.array([np.sin(300 * X[0]), np.sin(250 * X[2]), X[1] * 100]))
+    scheme.v_part.interpolate(lambda X: 0.02 * np.array([np.sin(300 * X[0]), np.sin(250 * X[2]), X[1] * 100]))
     weak.update()
     equations.forces.repack()
     tangent = Tangent(equations)

@@ -45,7 +45,8 @@ SHORT: dict[str, Callable[[], Iterator[Row]]] = CASES | {
 }
 """The cases, the long ones in a short form."""
 
-NAMES = [pytest.param(name, marks=needs_calculix) if name == "calculix" else name for name in CASES]
+MARKS = {"calculix": needs_calculix, "gradient": pytest.mark.parallel}
+NAMES = [pytest.param(name, marks=MARKS.get(name, ())) for name in CASES]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from dolfinx import fem
 from ..core.errors import InputError, SolveError
 from ..core.types import Expr, Floats
 from ..forms.assembly import assemble
+from ..forms.fibre_slots import FibreSlots
 from .equations import Equations
 from .initial_acceleration import accelerate
 from .linear import LinearSolvers
@@ -77,7 +78,7 @@ class Adjoint:
             weak.compile_contacts(lambda name: ufl.derivative(contact(name, trial), u, test, touching)),
             "baij",
         )
-        self._by_v, self._by_a = by(scheme._v_part, test), by(scheme._a_part, test)
+        self._by_v, self._by_a = by(scheme.v_part, test), by(scheme.a_part, test)
         self._slots = [(weak.slots, self._by_slots(weak.slots, lambda f, w: [by(f, w)]))]
         self._contact_by_v: Any = ()
         if (on_surface := weak.surface_slots) is not None:
@@ -85,7 +86,7 @@ class Adjoint:
             def by_contact(function: fem.Function, direction: Expr) -> Any:
                 return weak.compile_contacts(lambda name: ufl.derivative(contact(name, lam), function, direction))
 
-            self._contact_by_v = by_contact(scheme._v_part, test)
+            self._contact_by_v = by_contact(scheme.v_part, test)
             self._slots.append((on_surface, self._by_slots(on_surface, by_contact)))
         rates = weak.u, scheme.v, weak.u, lam
         self._pulls = [(pull, weak.compile(pull.work_of_one(weak.law, *rates))) for pull in weak.pulls]
@@ -94,7 +95,8 @@ class Adjoint:
         self._options.put(self._options.prefix + "gmres_pmg_", {"ksp_gmres_restart": 60})
         self._linear = LinearSolvers(weak, self._tangent, self._tangent.matrix, None, self._options, RTOL)
 
-    def _by_slots(self, slots: Any, by: Any) -> tuple[list[Any], Any]:
+    def _by_slots(self, slots: FibreSlots, by: Callable[[fem.Function, Expr], Iterable[fem.Form]]) -> tuple[list[Any], Any]:
+        """Forms of the derivatives by the slots' tensions, and by their stiffness where that follows the activation."""
         stiffening = self._weak.model.contraction.stiffening
         fields = [*slots.tensions, *([slots.stiffness] if stiffening else [])]
         forms = [by(field, ufl.TestFunction(field.function_space)) for field in fields]
@@ -149,7 +151,6 @@ class Adjoint:
         """What the initial acceleration, which muscles at `levels` cause, adds to the derivative by these."""
         self._equations.restore(start)
         self._equations.at(start.t, levels)
-        self._equations.restore(start)
         self._multiplier.x.array[:] = accelerate(self._weak, (end.acceleration + end.auxiliary).reshape(-1, 3))
         return self._by_level()
 
@@ -188,7 +189,7 @@ class Adjoint:
         return np.asarray(self._weak.V.mesh.comm.allreduce(found))
 
 
-def _spread(field: fem.Function, forms: Any) -> Floats:
+def _spread(field: fem.Function, forms: Iterable[fem.Form]) -> Floats:
     """Vector forms of the cells of this rank, at all nodes of their elements."""
     total: Floats = np.zeros_like(field.x.array)
     for form in forms:

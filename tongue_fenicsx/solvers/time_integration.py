@@ -78,6 +78,8 @@ class GeneralizedAlpha(_Scheme):
     ----------
     v, acceleration : UFL expressions
         To stand in the weak form for velocity and acceleration at the end of the step.
+    v_part, a_part : fem.Function
+        What of them is known when the step begins.
     """
 
     def __init__(self, u: fem.Function, radius: float = 0.8, pressure: fem.Function | None = None) -> None:
@@ -89,10 +91,10 @@ class GeneralizedAlpha(_Scheme):
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
         V = u.function_space
-        self._v_part, self._a_part = fem.Function(V), fem.Function(V)
+        self.v_part, self.a_part = fem.Function(V), fem.Function(V)
         self._v_factor, self._a_factor = (fem.Constant(V.mesh, default_scalar_type(1.0)) for _ in range(2))
-        self.v: Expr = self._v_factor * u + self._v_part
-        self.acceleration: Expr = self._a_factor * u + self._a_part
+        self.v: Expr = self._v_factor * u + self.v_part
+        self.acceleration: Expr = self._a_factor * u + self.a_part
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h` seconds from the present state; `u` becomes the first guess, which goes on with the mean of the last
@@ -107,16 +109,16 @@ class GeneralizedAlpha(_Scheme):
         known = -s.u - h * s.v - h**2 * (0.5 - b) * a  # h² β a₁ = u₁ + known
         v_factor, a_factor = g / (h * b), (1 - m) / ((1 - f) * h**2 * b)
         self._v_factor.value, self._a_factor.value = v_factor, a_factor
-        self._v_part.x.array[:] = s.v + h * (1 - g) * a + v_factor * known
-        self._a_part.x.array[:] = a_factor * known + (m * a - f * s.acceleration) / (1 - f)
+        self.v_part.x.array[:] = s.v + h * (1 - g) * a + v_factor * known
+        self.a_part.x.array[:] = a_factor * known + (m * a - f * s.acceleration) / (1 - f)
         self._h = h
         self.u.x.array[:] = s.u + h * (s.v if s.h == 0.0 else (s.v + s.average) / 2)
 
     @property
     def rates(self) -> tuple[tuple[float, Floats], tuple[float, Floats]]:
         """Factor and known part of velocity and acceleration, affine functions of the unknown displacement."""
-        velocity = float(self._v_factor.value), self._v_part.x.array
-        return velocity, (float(self._a_factor.value), self._a_part.x.array)
+        velocity = float(self._v_factor.value), self.v_part.x.array
+        return velocity, (float(self._a_factor.value), self.a_part.x.array)
 
     @property
     def mean_velocity(self) -> Floats:
@@ -126,7 +128,7 @@ class GeneralizedAlpha(_Scheme):
     def restore(self, state: State) -> None:
         """Go back to a state; `v` and `acceleration` are its own until a step begins."""
         super().restore(state)
-        for factor, part, values in ((self._v_factor, self._v_part, state.v), (self._a_factor, self._a_part, state.acceleration)):
+        for factor, part, values in ((self._v_factor, self.v_part, state.v), (self._a_factor, self.a_part, state.acceleration)):
             factor.value = 0.0
             part.x.array[:] = values
 
@@ -135,9 +137,9 @@ class GeneralizedAlpha(_Scheme):
         s, h = self.state, self._h
         a = self._rescale(h)
         u = self.u.x.array.copy()
-        acceleration = self._a_factor.value * u + self._a_part.x.array
+        acceleration = self._a_factor.value * u + self.a_part.x.array
         auxiliary = ((1 - self.alpha_f) * acceleration + self.alpha_f * s.acceleration - self.alpha_m * a) / (1 - self.alpha_m)
-        v = self._v_factor.value * u + self._v_part.x.array
+        v = self._v_factor.value * u + self.v_part.x.array
         self.state = State(t, h, u, v, acceleration, auxiliary, (u - s.u) / h, self._pressures(), gammas)
 
     def error(self, before: State) -> Floats:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -91,7 +91,7 @@ def _path_of(table: Path, unit: float) -> fitting.Track:
             return fitting.Track(rows[:, 0], unit * rows[:, 1:])
 
 
-def fit(task: Task, output: Path, report: Any) -> Fit:
+def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     """Fit, leave the best so far in the folder whenever it is better, and the run of the best at the end; goes on from what is there."""
     output.mkdir(parents=True, exist_ok=True)
     scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
