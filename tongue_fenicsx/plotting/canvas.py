@@ -7,13 +7,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyvista as pv
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..anatomy.catalogue import base_name
+from ..core.types import Floats
 
 if TYPE_CHECKING:
     from ..runs.run import Run
@@ -30,8 +33,18 @@ def title_of(run: Run) -> str:
     return f"{run.summary.get('name', Path(str(run)).name)}: {', '.join(muscles) or 'no active muscle'}"
 
 
+def curves(lines: Floats, **style: Any) -> LineCollection:
+    """Lines (n, 2, 2) as curves, joined where they meet, so that dashes run through."""
+    ends = pv.line_segments_from_points(np.insert(lines.reshape(-1, 2), 1, 0.0, axis=1))
+    joined = ends.clean().strip(join=True, max_length=len(lines) + 1)
+    return LineCollection([cell.points[:, [0, 2]] for cell in joined.cell], **style)
+
+
 def save_both(figure: Figure, path: Path, dpi: int = 150) -> list[Path]:
-    """Write a figure to a PNG file and a PDF beside it; return both."""
+    """Write a figure to a PNG file and a PDF beside it; return both. It is laid out once: Matplotlib would twice for each."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
     paths = [path, path.with_suffix(".pdf")]
     for target in paths:
         figure.savefig(target, dpi=dpi)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
@@ -19,7 +18,7 @@ from ..analysis.moments import check_moment, ends, obstacles_at
 from ..analysis.tongue_grid import cut, grids_at, outline
 from ..core.errors import InputError
 from ..runs.run import Run
-from .canvas import BACKWARD, BONE
+from .canvas import BACKWARD, BONE, curves
 from .run_figures import DASHES, PATHS, PROBES
 
 REST = "0.6"
@@ -76,10 +75,10 @@ def _draw_contours(axes: Axes, comparison: Comparison, styles: Sequence[Style]) 
     for run, t, (dash, colour) in zip(comparison.runs.values(), comparison.times, styles, strict=True):
         grids = grids_at(run, t)
         rest, moved = (outline(grid) for grid in grids)
-        axes.add_collection(LineCollection(rest, colors=REST, linewidths=1, zorder=1))
-        axes.add_collection(LineCollection(moved, colors=colour, linestyles=dash, linewidths=1.5, zorder=2))
+        axes.add_collection(curves(rest, colors=REST, linewidths=1, zorder=1))
+        axes.add_collection(curves(moved, colors=colour, linestyles=dash, linewidths=1.5, zorder=2))
         for surface in obstacles_at(run, t).values():
-            axes.add_collection(LineCollection(cut(surface, grids[0]), colors=BONE, linestyles=dash, linewidths=1.3, zorder=0))
+            axes.add_collection(curves(cut(surface, grids[0]), colors=BONE, linestyles=dash, linewidths=1.3, zorder=0))
         points = np.concatenate([rest, moved]).reshape(-1, 2)
         low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     axes.set(aspect="equal", xlim=(low[0] - 12, high[0] + 12), ylim=(low[1] - 6, high[1] + 12), xlabel=BACKWARD, ylabel="z in mm")

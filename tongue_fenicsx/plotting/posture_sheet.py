@@ -6,13 +6,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ..analysis.airway import Airways, Postures
 from ..analysis.tongue_grid import cut, grids, outline
 from ..core.types import Floats
-from .canvas import BACKWARD, BONE, save_both
+from .canvas import BACKWARD, BONE, curves, save_both
 from .run_figures import PATHS, name_parts
 
 
@@ -32,15 +31,15 @@ def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
         first = settings["none"]
         grid = grids(first, 0)[0]
         rest = outline(grid)
-        plane.add_collection(LineCollection(rest, colors="0.6", linewidths=1.0, linestyles="--"))
+        plane.add_collection(curves(rest, colors="0.6", linewidths=1.0, linestyles="--"))
         for surface in first.obstacles_at_rest.values():
-            plane.add_collection(LineCollection(cut(surface, grid), colors=BONE, linewidths=1.6))
+            plane.add_collection(curves(cut(surface, grid), colors=BONE, linewidths=1.6))
         passage = passages[name]["none"]
         curve.plot(passage.along, passage.distance[0], "--", color="0.6", label="at rest")
         contours = [rest]
         for colour, (setting, run) in zip(("0.1", *PATHS), settings.items(), strict=False):
             contours.append(outline(grids(run)[1]))
-            plane.add_collection(LineCollection(contours[-1], colors=colour, linewidths=1.3))
+            plane.add_collection(curves(contours[-1], colors=colour, linewidths=1.3))
             curve.plot(passage.along, passages[name][setting].distance[-1], color=colour, label=f"gravity {setting}")
         name_parts(curve, passage)
         low, high = _box(contours)

@@ -3,19 +3,19 @@
 
 from __future__ import annotations
 
-from itertools import cycle, zip_longest
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from ..analysis.electropalatogram import ELECTRODES
 from ..analysis.tongue_grid import cut, grids, outline, section
 from ..analysis.trajectories import SLOW, motion
-from .canvas import BACKWARD, BONE, COLOURS, save_both, title_of
+from .canvas import BACKWARD, BONE, COLOURS, curves, save_both, title_of
 from .scene import stage
 
 if TYPE_CHECKING:
@@ -44,19 +44,20 @@ def draw_midsagittal(run: Run, index: int | None = None) -> Path:
     before, after = section(rest), section(deformed)
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    left.add_collection(LineCollection(outline(rest), colors="0.2", linewidths=1.4))
+    left.add_collection(curves(outline(rest), colors="0.2", linewidths=1.4))
     left.triplot(before.points[:, 0], before.points[:, 2], before.regular_faces, color="0.85", linewidth=0.3)
     left.set_title("at rest")
     image = right.tripcolor(
         after.points[:, 0], after.points[:, 2], after.regular_faces, after["displacement"], shading="gouraud", cmap=COLOURS, vmin=0
     )
-    right.add_collection(LineCollection(outline(rest), colors="0.5", linewidths=1.0, linestyles="--"))
+    right.add_collection(curves(outline(rest), colors="0.5", linewidths=1.0, linestyles="--"))
+    right.add_collection(curves(outline(deformed), colors="0.2", linewidths=1.4))
     right.set_title(f"at {1e3 * _time(run, index):.0f} ms (dashed: rest)")
     for axes, moment in ((left, 0), (right, index)):
         axes.set_aspect("equal")
         axes.set_xlabel(BACKWARD)
         for surface in run.obstacles(moment).values():
-            axes.add_collection(LineCollection(cut(surface, rest), colors=BONE, linewidths=1.6))
+            axes.add_collection(curves(cut(surface, rest), colors=BONE, linewidths=1.6))
     left.set_ylabel("z in mm")
     left.autoscale_view()
     if run.contact:  # bones reach far
@@ -140,24 +141,27 @@ def draw_electropalatogram(run: Run, record: Electropalatogram) -> Path:
     frames, below = figure.subfigures(2, 1, height_ratios=[1.3 * rows, 3.2])
     corner = np.array([row > 0 or 0 < column < 7 for row in range(8) for column in range(8)]).reshape(8, 8)
     y, x = np.nonzero(corner)
-    for axes, moment in zip_longest(frames.subplots(rows, columns, squeeze=False).ravel(), moments):
-        if moment is None:
-            axes.set_axis_off()
-            continue
+    sheet = frames.subplots()  # one for all: two dozen of axes take most of a second
+    for place, moment in enumerate(moments):
+        down, across = np.array(divmod(place, columns)) * (10.5, 9.5)
         on = record.grid(int(moment))[corner]
-        axes.scatter(x[~on], y[~on], s=3, color="0.7")
-        axes.scatter(x[on], y[on], s=26, color="black", marker="s")
-        axes.set(xlim=(-0.8, 7.8), ylim=(7.8, -0.8), aspect="equal", xticks=[], yticks=[])
-        axes.set_title(f"{1e3 * record.time[moment]:.0f} ms", fontsize=8)
+        sheet.scatter(across + x[~on], down + y[~on], s=3, color="0.7")
+        sheet.scatter(across + x[on], down + y[on], s=22, color="black", marker="s")
+        sheet.add_patch(Rectangle((across - 0.9, down - 0.9), 8.8, 8.8, fill=False, color="0.3", linewidth=0.8))
+        sheet.text(across + 3.5, down - 1.2, f"{1e3 * record.time[moment]:.0f} ms", fontsize=8, ha="center")
+    sheet.set(xlim=(-1, 9.5 * columns - 1.5), ylim=(10.5 * rows - 2.4, -2.6), aspect="equal")
+    sheet.set_axis_off()
     palate, count = below.subplots(1, 2, width_ratios=[1, 2])
     lateral, frontal = 1e3 * record.places[:, 1], 1e3 * record.places[:, 0]
-    share = palate.scatter(lateral, frontal, c=100 * record.on.mean(axis=0), cmap="magma_r", edgecolor="0.4")
+    share = palate.scatter(lateral, frontal, c=100 * record.on.mean(axis=0), cmap="magma_r", vmin=0, vmax=100, edgecolor="0.4")
     palate.set(aspect="equal", xlabel="← left    y in mm    right →", ylabel="← back    x in mm    front →")
     palate.invert_yaxis()
     below.colorbar(share, ax=palate, label="% of the time on")
     count.step(1e3 * record.time, record.on.sum(axis=1), where="mid", color="black")
-    count.set(xlabel="time in ms", ylabel=f"electrodes on, of {len(ELECTRODES)}", ylim=(0, None))
+    count.set(xlabel="time in ms", ylabel=f"electrodes on, of {len(ELECTRODES)}", ylim=(0, len(ELECTRODES)))
     count.grid(alpha=0.3)
+    if not len(touched):
+        count.text(0.5, 0.5, "no electrode is touched", transform=count.transAxes, ha="center", va="center", color="0.4")
     figure.suptitle(f"{title_of(run)}: virtual electropalatogram")
     return _save(figure, run, "epg")
 
@@ -169,8 +173,8 @@ def draw_airway(run: Run, record: Airway) -> Path:
     rest, moved = grids(run, index)
     figure = Figure(figsize=(14, 4.6), layout="constrained")
     plane, curve, time = figure.subplots(1, 3)
-    plane.add_collection(LineCollection(outline(rest), colors="0.5", linewidths=1.0, linestyles="--"))
-    plane.add_collection(LineCollection(outline(moved), colors="0.1", linewidths=1.4))
+    plane.add_collection(curves(outline(rest), colors="0.5", linewidths=1.0, linestyles="--"))
+    plane.add_collection(curves(outline(moved), colors="0.1", linewidths=1.4))
     dots = plane.scatter(*record.wall.T, c=record.distance[index], s=9, cmap=NEAR, vmin=0, rasterized=True)
     figure.colorbar(dots, ax=plane, label="distance in mm", shrink=0.8)
     plane.set(aspect="equal", xlabel=BACKWARD, ylabel="z in mm", title=f"at {1e3 * _time(run, index):.0f} ms")

@@ -20,7 +20,7 @@ from ..core.types import Floats
 from ..runs.run import Run
 from ..simulation import fields  # noqa: F401  registers units and labels
 from ..simulation.quantities import FIELDS
-from .canvas import BACKWARD, BONE, COLOURS, open_plotter, title_of
+from .canvas import BACKWARD, BONE, COLOURS, curves, open_plotter, title_of
 
 INCHES, DPI = (8.0, 4.5), 160
 """Of a picture of 1280 × 720 pixels."""
@@ -138,7 +138,7 @@ class Scene:
     def in_section(self, figure: Figure) -> Iterator[Show]:
         """The mid-sagittal section among the obstacles, the rest shape dashed."""
         axes = figure.add_axes((0.08, 0.12, 0.77, 0.79))
-        axes.add_collection(LineCollection(outline(self.rest), colors="0.5", linewidths=1.0, linestyles="--"))
+        axes.add_collection(curves(outline(self.rest), colors="0.5", linewidths=1.0, linestyles="--"))
         (x, _, z), (x_end, _, z_end) = self.low, self.high
         axes.set(aspect="equal", xlim=(x - 12, x_end + 12), ylim=(z - 6, z_end + 12), xlabel=BACKWARD, ylabel="z in mm")
         drawn: list[LineCollection] = []
@@ -151,8 +151,8 @@ class Scene:
             smooth = {"shading": "gouraud"} if "value" in now.point_data else {}
             places = now.points[:, 0], now.points[:, 2], now.regular_faces
             colours = axes.tripcolor(*places, now["value"], cmap=self.colours.cmap, norm=self.colours.norm, **smooth)
-            lines = [LineCollection(outline(grid), colors="0.2", linewidths=1.2)]
-            lines += [LineCollection(cut(bone, self.rest), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
+            lines = [curves(outline(grid), colors="0.2", linewidths=1.2)]
+            lines += [curves(cut(bone, self.rest), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
             drawn[:] = [colours, *map(axes.add_collection, lines)]
 
         yield show
