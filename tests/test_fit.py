@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import csv
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from test_cli import tongue as command
 import tongue_fenicsx as tf
 from tongue_fenicsx.scenario.build import activation_of
 from tongue_fenicsx.scenario.files import load
-from tongue_fenicsx.studies import fit_file, fitting
+from tongue_fenicsx.studies import fit_file, fitting, openness
 from tongue_fenicsx.verification.gradient import bar_with
 
 FIT = """
@@ -25,6 +27,7 @@ muscles = ["GGP", "MH"]
 knots = 0.02
 effort = 1e-4
 haste = 1e-4
+noise = 0.1
 iterations = {iterations}
 [base]
 mesh = {{ file = "{mesh}" }}
@@ -81,6 +84,39 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
     for name, course in truth.items():  # what the last knot does has hardly begun to show
         assert found[name](0.02) == pytest.approx(course(0.02), abs=0.05)
     assert np.linalg.norm(tf.Run(output / "run").probes["dorsum"][-1] - run.probes["dorsum"][-1]) < 1e-4
+    with open(output / "open.csv", newline="") as table:
+        intervals = {(row["muscle"], float(row["time_s"])): (float(row["low"]), float(row["high"])) for row in csv.DictReader(table)}
+    for (name, t), (low, high) in intervals.items():
+        assert low <= truth[name](t) <= high, (name, t)
+    widths = {key: high - low for key, (low, high) in intervals.items()}
+    assert widths["GGP", 0.02] < 0.5 < widths["MH", 0.04]  # in 20 ms a muscle hardly moves anything
+    assert "combinations of levels are determined" in said
+    assert "open: " in said
+    assert (output / "fit.png").stat().st_size > 2e4
+
+
+def test_what_is_open() -> None:
+    """Two muscles that do the same: their sum is known as well as the noise says, their difference not at all."""
+    time, slope = np.array([0.0, 0.1]), np.array([4e-3, 0.0, 3e-3])  # m per level, so 5 mm
+    found = fitting.Fit(time, {"GGP": np.array([0.0, 0.4]), "GGM": np.array([0.0, 0.6])}, {"tip": 0.0}, 0.0, 1)
+
+    def run(levels: dict[str, np.ndarray]) -> SimpleNamespace:
+        return SimpleNamespace(time=time, probes={"tip": np.outer([0.0, sum(at[1] for at in levels.values())], slope)})
+
+    paths = {"tip": fitting.Track(time, np.outer([0.0, 1.0], slope))}
+    moved = {name: run(levels) for name, levels in openness.nearby(found)}
+    assert list(moved) == ["GGP-1", "GGM-1"]
+    known = openness.openness(found, paths, 0.1, run(found.levels), moved)  # type: ignore[arg-type]
+    (wide, difference), (narrow, both) = known.combinations
+    assert wide == pytest.approx(np.sqrt(openness.BEFORE))
+    assert narrow == pytest.approx(0.1 / (5 * np.sqrt(2)), rel=1e-2)  # noise over the change along (1, 1)/√2
+    assert difference["GGP"] == pytest.approx(-difference["GGM"])
+    assert both["GGP"] == pytest.approx(both["GGM"])
+    assert known.determined == 1
+    assert known.open_ones()[0].endswith("(± 0.58)")
+    assert {"GGP at 100 ms", "GGM at 100 ms"} <= {word.strip("+− ") for word in re.split(r"(?<=ms) ", known.open_ones()[0])}
+    far = fitting.Fit(time, found.levels, {"tip": 3.0}, 9.0, 1)  # a target that is not reached says less
+    assert openness.openness(far, paths, 0.1, run(far.levels), moved).noise == pytest.approx(np.sqrt(3))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ __all__ = [
     "designs",
     "fit_file",
     "fitting",
+    "openness",
     "plan",
     "pool",
     "postures",

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,17 +15,24 @@ from pydantic import ValidationError
 
 from ..core.errors import InputError, reading, within
 from ..core.files import at_once
+from ..core.parallel import on_rank_zero
 from ..core.types import Floats
-from ..core.values import UNITS, Name, NotNegative, OneOf, Real, Seconds, explain
+from ..core.values import UNITS, Name, NotNegative, OneOf, Positive, Real, Seconds, explain
+from ..plotting.fit_sheet import draw_fit
+from ..runs.run import Run
 from ..scenario.build import activation_of, inputs_of, simulation_of
 from ..scenario.files import dump, read_toml, scenario_of
 from ..scenario.schema import Scenario, Section
 from . import fitting
 from .fitting import Fit
+from .openness import Openness, nearby, openness
+from .pool import Workers, perform, results
 from .sweep_file import base_of
 
-BEST, PROGRESS = "best.toml", "fit.csv"
-"""The scenario with the activations found so far, and how the search went."""
+BEST, PROGRESS, OPEN, SHEET = "best.toml", "fit.csv", "open.csv", "fit.png"
+"""The scenario with the activations found so far, how the search went, what the data leave open, and a picture of all."""
+RUN, NEARBY = "run", "nearby"
+"""Folders of the run of the best, and of those beside it."""
 
 
 class TargetSection(Section):
@@ -44,6 +51,7 @@ class FitFile(Section):
     effort: NotNegative = 1e-2
     haste: NotNegative = 1e-2
     iterations: Annotated[int, Real(low=1, high=10_000, whole=True)] = 30
+    noise: Positive = 0.5
     target: Mapping[Name, TargetSection]
 
 
@@ -118,8 +126,44 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     )  # fmt: skip
     last = _with(scenario, found)
     inputs = inputs_of(last, simulation.model.tongue)
-    simulation.run(activation_of(last), scenario.time.end, output / "run", overwrite=True, inputs=inputs)
+    simulation.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
     return found
+
+
+def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openness:
+    """What the data leave open, by runs beside that of a fit; leaves a table and a picture.
+
+    Raises
+    ------
+    SolveError
+        If one of them fails.
+    """
+    cases = {name: (_with(task.scenario, replace(found, levels=levels)), {"moved": name}) for name, levels in nearby(found)}
+    moved = results(perform(output / NEARBY, cases, workers))
+    run = Run(output / RUN)
+
+    def look() -> Openness:
+        known = openness(found, task.paths, task.file.noise, run, moved)
+        known.write(output / OPEN)
+        levels = {}
+        for name, at in found.levels.items():
+            low, high = known.interval(name)
+            levels[name] = at, np.insert(low, 0, 0.0), np.insert(high, 0, 0.0)
+        paths = {name: (path.times, np.asarray(path.displacement)) for name, path in task.paths.items()}
+        draw_fit(run, found.knots, levels, paths, found.distance, output / SHEET)
+        return known
+
+    known: Openness = on_rank_zero(MPI.COMM_WORLD, look)
+    return known
+
+
+def farthest(task: Task, output: Path) -> dict[str, tuple[float, float]]:
+    """How far each probe is at most from its path in the run of the best, in mm, and when, in s."""
+    run, most = Run(output / RUN), {}
+    for name, path in task.paths.items():
+        away = 1e3 * np.linalg.norm(run.probes[name] - np.array([path.at(t) for t in run.time]), axis=1)
+        most[name] = float(away.max()), float(run.time[away.argmax()])
+    return most
 
 
 def _with(scenario: Scenario, found: Fit) -> Scenario:

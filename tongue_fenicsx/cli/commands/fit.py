@@ -3,25 +3,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ...core.interruption import Interrupted
-from ..options import Changes
+from ..options import Changes, Jobs
+from ..progress import RunsBar
 from ..terminal import console
 
 if TYPE_CHECKING:
     from ...studies.fitting import Fit
+    from ...studies.openness import Openness
 
 
 def fit(
     file: Annotated[Path, typer.Argument(metavar="FIT.toml", help="A scenario, muscles that may act, and where probes should be.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="best.toml, fit.csv, and the run of the best.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="best.toml, fit.csv, open.csv, fit.png, and the run of the best.")
+    ],
     changes: Changes = None,
+    jobs: Jobs = 1,
 ) -> None:
-    """Find activations that take probes along given paths; the same command goes on from the best that the folder holds."""
+    """Find activations that take probes along given paths, and what the paths leave open; the same command goes on from the best that
+    the folder holds."""
     from ...core.errors import within
     from ...studies import fit_file
 
@@ -31,9 +38,10 @@ def fit(
 
     from ...core.errors import check_outputs
     from ...core.parallel import on_rank_zero
+    from ...studies.pool import Workers
 
     rank = MPI.COMM_WORLD.rank
-    on_rank_zero(MPI.COMM_WORLD, lambda: check_outputs(output, [fit_file.BEST, fit_file.PROGRESS]))
+    on_rank_zero(MPI.COMM_WORLD, lambda: check_outputs(output, [fit_file.BEST, fit_file.PROGRESS, fit_file.OPEN, fit_file.SHEET]))
 
     def say(found: Fit) -> None:
         away = ", ".join(f"{name} {d:.2f} mm" for name, d in found.distance.items())
@@ -45,8 +53,25 @@ def fit(
     except Interrupted as signal:
         raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {output / fit_file.BEST}") from None
     if rank == 0:
-        for name, levels in found.levels.items():
-            console.print(f"  {name}: " + ", ".join(f"{level:.2f}" for level in levels))
-        console.print(
-            f"{found.reason.lower()} after {found.evaluations} runs; the best is {output / fit_file.BEST}, its run {output / 'run'}"
-        )
+        best, run = output / fit_file.BEST, output / fit_file.RUN
+        console.print(f"{found.reason.lower()} after {found.evaluations} runs; the best is {best}, its run {run}")
+        for name, (most, t) in fit_file.farthest(task, output).items():
+            console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
+    with RunsBar(console, rank == 0) as bar:
+        known = fit_file.look_around(task, found, output, Workers(jobs, overwrite=True, report=bar))
+    if rank == 0:
+        for line in _words(known):
+            console.print(line)
+        console.print(f"wrote {output / fit_file.OPEN} and {output / fit_file.SHEET}")
+
+
+def _words(known: Openness) -> Iterator[str]:
+    """What is sure and what is not, a line for each muscle and each combination that is open."""
+    for name, levels in known.levels.items():
+        bounds = zip(levels, *known.interval(name), strict=True)
+        yield f"  {name}: " + ", ".join(f"{level:.2f} ({low:.2f} to {high:.2f})" for level, low, high in bounds)
+        if (at := known.knots[levels >= 1 - 1e-3]).size:
+            yield f"  {name} pulls as hard as it may at {', '.join(f'{1e3 * t:.0f}' for t in at)} ms"
+    yield f"with {known.noise:.2g} mm of noise {known.determined} of {len(known.combinations)} combinations of levels are determined"
+    for words in known.open_ones():
+        yield f"  open: {words}"
