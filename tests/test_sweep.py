@@ -101,6 +101,9 @@ def test_random_activations() -> None:
     pieces = np.array([piece for change in held for piece in change["activation.GGP"][1:]])
     still = pieces[:, 1] == pieces[:, 2]
     assert np.mean(still[pieces[:, 1] > 0]) == pytest.approx(0.4, abs=0.05)
+    coarse = designs.random_activations(["GGP"], 50, 7, 0.35, grid=0.02)
+    durations = np.array([piece[0] for change in coarse for piece in change["activation.GGP"]])
+    assert set(np.round(durations / 0.02, 6)) <= {2, 3, 4, 5, 6, 7, 8}
 
 
 def test_table(tmp_path: Path) -> None:

@@ -103,6 +103,7 @@ def random_activations(
     rest: float = 0.3,
     sides: str = "together",
     hold: float = 0.0,
+    grid: float = 1e-5,
 ) -> list[Change]:
     """Random piecewise linear activations, from rest.
 
@@ -129,6 +130,9 @@ def random_activations(
         Probability of rest at a knot.
     hold : float
         Probability that a muscle stays where it is at a knot.
+    grid : float
+        Knots are at multiples of so many s. A run takes a step to the knots of every muscle: where eleven of them have theirs anywhere, these
+        are most of its steps.
     sides : str
         ``together``, or ``apart``: then each side of a muscle has its own.
     """
@@ -144,7 +148,7 @@ def random_activations(
         pieces: list[list[float]] = []
         t = before = 0.0
         while t < end:
-            duration = round(float(random.uniform(*spacing)), 5)
+            duration = round(max(round(float(random.uniform(*spacing)) / grid), 1) * grid, 5)
             drawn = round(float(random.uniform(*level)), 4)
             target = 0.0 if random.random() < rest else drawn
             if hold and random.random() < hold:

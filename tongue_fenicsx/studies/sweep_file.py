@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError, model_validator
 
 from ..core.errors import InputError
-from ..core.values import Duration, Number, OneOf, Real, Seed, Share, explain
+from ..core.values import Duration, Number, OneOf, Real, Seconds, Seed, Share, explain
 from ..scenario.files import read_toml, set_option, toml_value
 from ..scenario.schema import Section
 from . import designs
@@ -59,6 +59,7 @@ class RandomSection(Section):
     spacing: tuple[Duration, Duration] = (0.05, 0.15)
     rest: Share = 0.3
     hold: Share = 0.0
+    grid: Seconds = 1e-5
     sides: Annotated[str, OneOf(names=designs.SIDES)] = "together"
 
     @model_validator(mode="after")
@@ -130,7 +131,7 @@ def load(path: Path, changes: Sequence[str] | None = None) -> tuple[dict[str, An
         end = base["time"].get("end") if isinstance(base.get("time"), dict) else None
         if not isinstance(end, int | float):
             raise InputError(f"{path}: random_activations: a base with a number as time.end is expected.")
-        distribution = {name: getattr(given, name) for name in ("level", "spacing", "rest", "hold", "sides")}
+        distribution = {name: getattr(given, name) for name in ("level", "spacing", "rest", "hold", "grid", "sides")}
         parts.append(designs.random_activations(given.muscles, given.n, given.seed, end, **distribution))
     return base, folder, designs.product(*parts)
 
