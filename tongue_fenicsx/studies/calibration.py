@@ -13,6 +13,7 @@ import tomli_w
 
 from ..core.errors import InputError, SolveError
 from ..core.versions import versions
+from ..runs.run import Run
 from ..scenario.schema import Scenario
 from . import single_muscle as solo
 from .pool import Workers, perform, results
@@ -22,6 +23,9 @@ TONGUE_MUSCLES = ("GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS")
 START, BOUND = 4e3, 200e3
 """First stress tried and largest accepted, in Pa; 220 kPa is the specific tension of muscle (Van Lunteren 1990)."""
 TOLERANCE = 0.02
+FASTEST = 0.28
+"""Peak speed in m/s beyond which a stress is too much: the chapter's muscles reach 0.1 to 0.2, and among bones, which guide the tissue,
+the fastest (SL) is a twentieth faster than in the free tongue."""
 MAX_RUNS = 10
 SLOPE = 0.15
 """Strain per e-fold of stress, assumed until two runs are known (0.12 to 0.2 on the parametric tongue)."""
@@ -40,7 +44,7 @@ class Found:
     reached : bool
         Whether that is the target within the tolerance.
     limit : float
-        The smallest stress in Pa at which the solve failed, else the largest accepted one.
+        The smallest stress in Pa at which the solve failed or the tongue was too fast, else the largest accepted one.
     runs : int
         How many were needed.
     """
@@ -66,12 +70,12 @@ def search(target: float, tolerance: float = TOLERANCE, bound: float = BOUND) ->
     Yields
     ------
     float
-        A stress in Pa; its strain is to be sent, infinite where the solve fails, which counts as too much.
+        A stress in Pa; its strain is to be sent, infinite where the solve fails or the tongue is too fast, which counts as too much.
 
     Raises
     ------
     SolveError
-        If none of the stresses tried could be solved.
+        If all of the stresses tried were too much.
     """
     trials: dict[float, float] = {}
     stress = float(f"{min(START, bound):.2g}")
@@ -82,7 +86,7 @@ def search(target: float, tolerance: float = TOLERANCE, bound: float = BOUND) ->
         stress = float(f"{min(_next(trials, target), bound):.2g}")
     solved = {stress: reached for stress, reached in trials.items() if math.isfinite(reached)}
     if not solved:
-        raise SolveError(f"the solve failed at every stress tried, down to {1e-3 * min(trials):g} kPa.")
+        raise SolveError(f"the solve failed, or the tongue was too fast, at every stress tried, down to {1e-3 * min(trials):g} kPa.")
     best = min(solved, key=lambda stress: abs(solved[stress] - target))
     limit = min(trials.keys() - solved.keys(), default=bound)
     return Found(best, solved[best], abs(solved[best] - target) <= tolerance, limit, len(trials))
@@ -153,14 +157,23 @@ def calibrate(
             cases[name] = case, {"muscle": muscle, "stress_Pa": asked[muscle]}
         ended = results(perform(folder, cases, workers))
         for muscle, name in names.items():
-            run, stress = ended[name], asked.pop(muscle)
-            strain = math.inf if isinstance(run, SolveError) else float(run.summary["hencky_von_mises_max"])
-            say(f"{muscle}: {1e-3 * stress:g} kPa, {f'strain {strain:.3f}' if math.isfinite(strain) else 'the solve fails'}")
+            strain, words = _reached(ended[name])
+            stress = asked.pop(muscle)
+            say(f"{muscle}: {1e-3 * stress:g} kPa, {words}")
             try:
                 asked[muscle] = searches[muscle].send(strain)
             except StopIteration as end:
                 found[muscle] = end.value
     return {muscle: found[muscle] for muscle in muscles}
+
+
+def _reached(run: Run | SolveError) -> tuple[float, str]:
+    """The strain of a run, infinite if the stress is too much; and in words."""
+    if isinstance(run, SolveError):
+        return math.inf, "the solve fails"
+    strain, speed = float(run.summary["hencky_von_mises_max"]), float(run.summary["peak_speed_m_s"])
+    words = f"strain {strain:.3f}, peak speed {100 * speed:.0f} cm/s"
+    return (strain, words) if speed <= FASTEST else (math.inf, f"{words}: too fast")
 
 
 def write(found: Mapping[str, Found], path: Path, mesh: str, tissue: str, target: float) -> None:
@@ -181,6 +194,7 @@ def table(found: Mapping[str, Found], mesh: str, tissue: str, target: float) -> 
             "target": target,
             "tolerance": TOLERANCE,
             "bound": BOUND,
+            "fastest": FASTEST,
             "strain": {muscle: round(f.strain, 3) for muscle, f in found.items()},
             "not_reached_up_to": {muscle: f.limit for muscle, f in found.items() if not f.reached},
             "versions": versions(),

@@ -192,9 +192,13 @@ def _superior_longitudinal(profile: Profile) -> Lines:
 
 
 def _verticalis(profile: Profile) -> Lines:
+    """A fan beside genioglossus; before the mid dorsum its laminae alternate with those of GGM and GGA, near the mid-line too."""
     lines = []
-    for under_skin in _dorsal_shell(profile, np.linspace(0.3, 0.86, 6), 2.5):
+    beside = np.linspace(0.3, 0.82, 6)
+    for fraction, under_skin in zip([0.1, 0.2, *beside], _dorsal_shell(profile, np.array([0.1, 0.2, *beside]), 2.5), strict=True):
         for top in under_skin[2:-2]:
+            if fraction < beside[0] and top[0] > 24.0:
+                continue
             # like the fan of genioglossus, but without turning inward in the blade
             front = np.clip(-top[0] / 16, 0, 1)
             centre = np.array([2.0, (0.35 + 0.6 * front) * top[1], 2.0 + 6.0 * front])
@@ -218,7 +222,7 @@ def _transversus(profile: Profile) -> Lines:
 
 
 def _geniohyoid(profile: Profile) -> Lines:
-    return [_smooth([(1.5, 2.0 + dy, -10.5), (16.5, 3.5 + dy, -11.5), (32.0, 4.5 + 1.3 * dy, -12.5)]) for dy in (0.0, 2.5)]
+    return [_smooth([(1.5, 2.0 + dy, -10.5), (16.5, 3.5 + dy, -12.0), (33.0, 4.5 + 1.3 * dy, -15.8)]) for dy in (0.0, 2.5)]
 
 
 def _mylohyoid(profile: Profile) -> Lines:
@@ -240,7 +244,7 @@ RIGHT: dict[str, tuple[Callable[[Profile], Lines], float]] = {
     "SG": (_styloglossus, 1.8),
     "HG": (_hyoglossus, 2.4),
     "IL": (_inferior_longitudinal, 1.9),
-    "VERT": (_verticalis, 1.42),
+    "VERT": (_verticalis, 1.35),
     "TRANS": (_transversus, 2.75),
     "GH": (_geniohyoid, 2.4),
     "MH": (_mylohyoid, 1.72),
