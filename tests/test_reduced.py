@@ -31,6 +31,7 @@ from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.geometry.tetrahedron import boundary
 from tongue_fenicsx.reduced.basis import coordinates_of, modes_of
 from tongue_fenicsx.reduced.network import fade
+from tongue_fenicsx.reduced.room import Room
 from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.reduced.training import Sequences, initial, train
 from tongue_fenicsx.report.live import live_page
@@ -98,6 +99,28 @@ def test_bad_steps(levels: dict[str, float], dt: float, message: str) -> None:
         any_tongue().step(levels, dt)
 
 
+def test_room() -> None:
+    """What got into a wall comes out at its face, nothing else moves, and with a room a tongue stays out whatever its weights."""
+    ball = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.0, 0.0, -0.02), theta_resolution=60, phi_resolution=60))
+    tongue = any_tongue()
+    room = Room.among([ball], tongue.points)
+    random, centre = np.random.default_rng(0), np.array([0.0, 0.0, -20.0])
+    direction = random.standard_normal((400, 3)) * (0.3, 0.3, 0.1) + (0.0, 0.0, 2.0)
+    height = random.uniform(-2.5, 5.0, 400)
+    places = (20 + height)[:, None] * direction / np.linalg.norm(direction, axis=1)[:, None] + centre
+    cleared = room.clear(places)
+    found = np.linalg.norm(cleared - centre, axis=1) - 20
+    assert abs(found[height < 0]).max() < 0.1
+    assert np.array_equal(cleared[height > 0.1], places[height > 0.1])
+    assert np.linalg.norm(cleared - places, axis=1).max() < 2.7  # the shortest way
+    near = ReducedTongue(tongue.points, tongue.cells, tongue.modes, tongue.weights, MUSCLES, {}, tongue.told, room)
+    q = random.standard_normal((20, 4))
+    depth, before = (
+        20 - np.linalg.norm(1e3 * (near.points + any_one.displacement(q))[:, near.skin] - centre, axis=2) for any_one in (near, tongue)
+    )
+    assert depth.max() < 0.3 < 1 < before.max()
+
+
 def test_modes() -> None:
     """Shapes are independent, have a mean square of one, and give back what they are made of."""
     random = np.random.default_rng(0)
@@ -149,9 +172,11 @@ def test_a_browser_computes_the_same(tmp_path: Path, browser: Browser) -> None:
     tongue = any_tongue()
     palate = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.0, 0.0, 0.02)))
     told = {"doubt": 0.7, "rest": {"tip": [0.01, 0, 0]}, "tissue": {"preset": "buchaillard"}, "mesh": "coarse", "runs": 2}
+    wall = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.0, 0.0, -0.019)))
     tongue = ReducedTongue(
-        tongue.points, tongue.cells, 3 * tongue.modes, tongue.weights, MUSCLES, {"bone": palate}, told | {"contact": ["palate"]}
-    )
+        tongue.points, tongue.cells, 3 * tongue.modes, tongue.weights, MUSCLES, {"bone": palate}, told | {"contact": ["palate"]},
+        Room.among([wall], tongue.points),
+    )  # fmt: skip
     tongue.save(tmp_path / "tongue.npz")
     tongue = ReducedTongue.load(tmp_path / "tongue.npz")
     (tmp_path / "page.html").write_bytes(live_page(tongue))
@@ -163,6 +188,8 @@ def test_a_browser_computes_the_same(tmp_path: Path, browser: Browser) -> None:
     for levels, dt in steps:
         tongue.step(dict(zip(MUSCLES, levels, strict=True)), dt)
     nodes, _ = boundary(tongue.cells)
+    free = ReducedTongue(tongue.points, tongue.cells, tongue.modes, tongue.weights, MUSCLES, {}, told).displacement(tongue.coordinates)
+    assert abs(free - tongue.displacement())[nodes].max() > 1e-4  # the wall has moved something
     np.testing.assert_allclose(surface[0], 1e3 * (tongue.points + tongue.displacement())[nodes].ravel(), atol=1e-4)
     assert surface[1] == pytest.approx(tongue.doubt, rel=1e-5)
     window.find_element("id", "play").click()

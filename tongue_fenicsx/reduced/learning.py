@@ -18,6 +18,7 @@ from ..meshing.tongue_mesh import TongueMesh
 from ..runs.inputs import MESH, SCENARIO
 from ..runs.run import Run
 from .basis import coordinates_of, modes_of
+from .room import Room
 from .tongue import ReducedTongue
 from .training import Sequences, train
 
@@ -167,7 +168,8 @@ def learn(
     }
     hyoid = TongueMesh.read(runs[0].folder / MESH).bones.get("hyoid")
     bones = runs[0].obstacles_at_rest | ({} if hyoid is None else {"hyoid": hyoid})
-    return ReducedTongue(points, cells, modes, weights, muscles, bones, told), back
+    room = Room.among([bones[name] for name in told["contact"]], points) if told["contact"] else None
+    return ReducedTongue(points, cells, modes, weights, muscles, bones, told, room), back
 
 
 def calibrate(tongue: ReducedTongue, runs: Sequence[Run]) -> list[Errors]:

@@ -14,7 +14,9 @@ from ..core.errors import InputError, reading
 from ..core.files import at_once
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
+from ..geometry.tetrahedron import boundary
 from .network import answer, fade, features
+from .room import Room
 
 SUFFIX = ".npz"
 SHIPPED = Path(__file__).with_name("data")
@@ -42,6 +44,8 @@ class ReducedTongue:
     told : mapping
         Where it comes from: ``tissue`` preset, ``mesh``, ``contact``, ``seeds`` of the runs, ``rest`` places of the landmarks in m,
         ``doubt`` (mm of error for a mm of disagreement), and more.
+    room : Room, optional
+        What walls leave: nodes of the surface do not go into them.
 
     Attributes
     ----------
@@ -62,10 +66,12 @@ class ReducedTongue:
         muscles: Sequence[str],
         bones: Mapping[str, Surface],
         told: Mapping[str, Any],
+        room: Room | None = None,
     ) -> None:
         self.points, self.cells, self.modes = points, cells, modes
         self.muscles, self.bones, self.told = list(muscles), dict(bones), dict(told)
         self.weights = {name: np.asarray(value, dtype=float) for name, value in weights.items()}
+        self.room, self.skin = room, boundary(cells)[0]
         self._taus = [np.exp(self.weights[f"log_tau{layer}"]) for layer in (1, 2)]
         self.reset()
 
@@ -84,7 +90,8 @@ class ReducedTongue:
             weights = {name.removeprefix("weights/"): file[name] for name in file.files if name.startswith("weights/")}
             surfaces = [(name, file[f"bones/{i}/points"], file[f"bones/{i}/triangles"]) for i, name in enumerate(told.pop("bones"))]
             bones = {name: Surface(points.astype(float), triangles.astype(np.int64)) for name, points, triangles in surfaces}
-            return cls(file["points"], file["cells"].astype(np.int64), modes, weights, told.pop("muscles"), bones, told)
+            room = Room(file["room/origin"], file["room/units"]) if "room/units" in file.files else None
+            return cls(file["points"], file["cells"].astype(np.int64), modes, weights, told.pop("muscles"), bones, told, room)
 
     @classmethod
     def shipped(cls, tissue: str = "buchaillard") -> ReducedTongue:
@@ -119,6 +126,8 @@ class ReducedTongue:
         }
         for i, bone in enumerate(self.bones.values()):
             arrays |= {f"bones/{i}/points": bone.points.astype(np.float32), f"bones/{i}/triangles": bone.triangles.astype(np.int32)}
+        if self.room is not None:
+            arrays |= {"room/origin": self.room.origin, "room/units": self.room.units}
         with at_once(Path(path)) as partial, open(partial, "wb") as file:
             np.savez_compressed(file, **arrays)
 
@@ -194,7 +203,12 @@ class ReducedTongue:
     def displacement(self, coordinates: Floats | None = None) -> Floats:
         """Displacement in m of all nodes, (…, n_nodes, 3), for coordinates (…, n_modes) in mm; by default the present ones."""
         q = self.coordinates if coordinates is None else coordinates
-        return 1e-3 * (q @ self.modes.reshape(len(self.modes), -1)).reshape(*q.shape[:-1], *self.points.shape)
+        u = (q @ self.modes.reshape(len(self.modes), -1)).reshape(*q.shape[:-1], *self.points.shape)
+        if self.room is not None:
+            rest = 1e3 * self.points[self.skin]
+            places = rest + u[..., self.skin, :]
+            u[..., self.skin, :] = self.room.clear(places.reshape(-1, 3)).reshape(places.shape) - rest
+        return 1e-3 * u
 
     def sequence(self, time: Floats, levels: Floats) -> tuple[Floats, Floats]:
         """Coordinates (n_t, n_modes) in mm and doubt (n_t,) in mm from rest at ``time[0]``, for levels (n_t, n_muscles)."""

@@ -12,6 +12,7 @@ from ..anatomy.catalogue import CATALOGUE
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
 from ..geometry.tetrahedron import boundary
+from ..reduced.room import SPACING, STEPS, UNIT, Room
 from ..reduced.tongue import STEP, ReducedTongue
 from .motion import Shared, pack
 from .templating import include, render
@@ -50,6 +51,7 @@ def live_page(tongue: ReducedTongue) -> bytes:
             for name, surface in tongue.bones.items()
         ],
         "shared": shared.texts,
+        "room": None if tongue.room is None else room(tongue.room),
         "electrodes": [] if palate is None else (1e3 * electrodes(palate)).round(3).tolist(),
         "reach": 1e3 * REACH,
         "scenario": scenario(tongue),
@@ -58,6 +60,18 @@ def live_page(tongue: ReducedTongue) -> bytes:
     about = f"{told['tissue'].get('preset', 'own')} tissue, learned from {told['runs']} runs of the full model"
     style, script = include("page.css") + include("live.css"), include("stage.js") + include("live.js")
     return render("live.html", style=style, script=script, data=data, about=about).encode()
+
+
+def room(of: Room) -> dict[str, Any]:
+    """Distances from walls, as `reduced.room` has them."""
+    return {
+        "origin": of.origin.tolist(),
+        "shape": list(of.units.shape),
+        "spacing": SPACING,
+        "unit": UNIT,
+        "steps": STEPS,
+        "units": pack(of.units, "i1"),
+    }
 
 
 def outline(points: Floats, triangles: Ints) -> list[list[int]]:

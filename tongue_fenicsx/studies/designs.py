@@ -131,8 +131,8 @@ def random_activations(
     hold : float
         Probability that a muscle stays where it is at a knot.
     grid : float
-        Knots are at multiples of so many s. A run takes a step to the knots of every muscle: where eleven of them have theirs anywhere, these
-        are most of its steps.
+        Knots are at multiples of so many s. A run takes a step to the knots of every muscle: where eleven of them have theirs anywhere,
+        these are most of its steps.
     sides : str
         ``together``, or ``apart``: then each side of a muscle has its own.
     """

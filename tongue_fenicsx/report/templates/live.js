@@ -83,7 +83,35 @@
       if (factor === 0) continue;
       for (let i = 0, at = k * size; i < size; i++, at++) exact[i] += factor * shapes[at];
     }
+    if (room) clear();
     now.set(exact);
+  };
+  const room = page.room && { ...page.room, units: new Int8Array(buffer(page.room.units)) }; // as room.py
+  const clear = () => { // what got into a wall comes out, along the slope of the distance
+    const { origin, shape: [nx, ny, nz], spacing, unit, steps, units } = room, limits = [nx, ny, nz];
+    const cell = [0, 0, 0], share = [0, 0, 0], nearest = [0, 0, 0];
+    for (let i = 0; i < size; i += 3) {
+      for (let j = 0; j < 3; j++) nearest[j] = Math.round((exact[i + j] - origin[j]) / spacing);
+      if (nearest.some((node, j) => node < 0 || node >= limits[j])) continue;
+      if (unit * units[(nearest[0] * ny + nearest[1]) * nz + nearest[2]] >= 2 * spacing) continue;
+      for (let k = 0; k < steps; k++) {
+        for (let j = 0; j < 3; j++) {
+          const place = (exact[i + j] - origin[j]) / spacing;
+          cell[j] = Math.min(Math.max(Math.floor(place), 0), limits[j] - 2);
+          share[j] = Math.min(Math.max(place - cell[j], 0), 1);
+        }
+        const [x, y, z] = share, c = (a, b, d) => unit * units[((cell[0] + a) * ny + cell[1] + b) * nz + cell[2] + d];
+        const alongZ = (a, b) => c(a, b, 0) + z * (c(a, b, 1) - c(a, b, 0)), alongY = (a) => alongZ(a, 0) + y * (alongZ(a, 1) - alongZ(a, 0));
+        const up = (a, b) => c(a, b, 1) - c(a, b, 0), near = alongY(0), far = alongY(1), distance = near + x * (far - near);
+        if (distance >= 0) break;
+        const slope = [
+          far - near, (1 - x) * (alongZ(0, 1) - alongZ(0, 0)) + x * (alongZ(1, 1) - alongZ(1, 0)),
+          (1 - x) * ((1 - y) * up(0, 0) + y * up(0, 1)) + x * ((1 - y) * up(1, 0) + y * up(1, 1)),
+        ].map((value) => value / spacing);
+        const factor = distance / Math.max(slope[0] ** 2 + slope[1] ** 2 + slope[2] ** 2, 0.25);
+        for (let j = 0; j < 3; j++) exact[i + j] -= factor * slope[j];
+      }
+    }
   };
   const weight = new Float32Array(n), inverse = new Float64Array(4 * triangles.length / 3);
   const frame = (p, t, out) => { // edges of a triangle in its plane: length of the first, the second along and across
