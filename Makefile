@@ -1,7 +1,8 @@
 # make demo   build the coarse tongue, move it, leave pictures in runs/ggp/figures
 # make check  lint, types and the quick tests, for between two commits: a minute or two
-# make test   lint, types, tests (part of them also on two ranks) and how much of the code they reach
+# make test   lint, types, documentation, tests (part of them also on two ranks) and how much of the code they reach
 # make bench  what the solver costs, in minutes, against the committed numbers; make bench-full at the chapter's size, an hour
+# make docs   the documentation as a site in build/docs, which opens from disk; a link that leads nowhere is an error
 # make rooms  draw into docs/architecture.md which room imports which
 # They need Python >= 3.12, a C compiler and make; everything else goes into .venv/
 
@@ -11,7 +12,7 @@ PYTHON ?= $(shell for p in python3.13 python3.14 python3.12 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 12))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo check test bench bench-full lint rooms clean
+.PHONY: demo check test bench bench-full docs lint rooms clean
 
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
@@ -23,7 +24,7 @@ QUICK := activation documents engine kinematics seams timestep tissue values
 check: $(VENV)/ready lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" $(QUICK:%=tests/test_%.py)
 
-test: $(VENV)/ready lint
+test: $(VENV)/ready lint docs
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
 	$(BIN)/coverage report --format=total
 	$(BIN)/mpiexec -n 2 $(BIN)/python -m pytest -m parallel -p no:cacheprovider </dev/null
@@ -39,6 +40,9 @@ lint: $(VENV)/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+docs: $(VENV)/ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 rooms: $(VENV)/ready
 	$(BIN)/python docs/draw_rooms.py

@@ -214,3 +214,15 @@ def test_the_root_lists_what_a_user_needs() -> None:
     """Every public name loads and is completed."""
     assert {"Model", "Simulation", "Tissue", "field", "parametric_tongue"} <= set(dir(tf))
     assert all(getattr(tf, name) is not None for name in dir(tf))
+
+
+SOURCES = "\n".join(
+    re.sub(r'"\s*\n\s*f?"', "", path.read_text("utf-8")) for path in (HOUSE / "tongue_fenicsx").rglob("*.py")
+)  # texts that go on in the next line, joined
+
+
+@pytest.mark.parametrize("message", re.findall(r"^\| `([^`]+)`", (HOUSE / "docs" / "messages.md").read_text("utf-8"), re.MULTILINE))
+def test_messages_exist(message: str) -> None:
+    """What the page of messages explains is said somewhere."""
+    for part in filter(None, map(str.strip, message.split("…"))):
+        assert part in SOURCES
