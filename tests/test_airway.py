@@ -25,7 +25,7 @@ def arc(radius: float, start: float, end: float, n: int = 400) -> np.ndarray:
 def test_circles() -> None:
     """Of two walls the nearer counts where they overlap; from a tongue of 20 mm radius they are 10 and 15 mm away."""
     walls = {"palate": arc(30, 180, 60), "pharynx": arc(35, 100, -30)}
-    wall, part = airway._wall(walls, np.array([3.0, 4.0]))
+    wall, part = airway.wall_of(walls, np.array([3.0, 4.0]))
     radius = np.linalg.norm(wall - [3.0, 4.0], axis=1)
     np.testing.assert_allclose(radius, np.where(part == "palate", 30.0, 35.0), rtol=1e-4)
     assert list(dict.fromkeys(part)) == ["palate", "pharynx"]

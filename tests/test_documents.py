@@ -28,11 +28,12 @@ HOUSE = Path(__file__).parents[1]
 DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("meshes/*.md")])
 SUBJECT_FILES = HOUSE / "demos" / "example_subject"
 SWEEPS = sorted(HOUSE.glob("demos/sweep*.toml"))
+FITS = [HOUSE / "demos" / "fit.toml", *HOUSE.glob("demos/targets/*.toml")]
 SCENARIOS = sorted(
     path
     for room in ("demos", "benchmarks")
     for path in HOUSE.glob(f"{room}/**/*.toml")
-    if path.parent != SUBJECT_FILES and path not in SWEEPS and path.name != "fit.toml"
+    if path.parent != SUBJECT_FILES and path not in SWEEPS + FITS
 )
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 

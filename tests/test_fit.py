@@ -19,7 +19,9 @@ from test_cli import tongue as command
 import tongue_fenicsx as tf
 from tongue_fenicsx.scenario.build import activation_of
 from tongue_fenicsx.scenario.files import load
-from tongue_fenicsx.studies import fit_file, fitting, openness
+from tongue_fenicsx.studies import fit_file, fitting, goals, openness
+from tongue_fenicsx.studies.single_muscle import LANDMARKS
+from tongue_fenicsx.testing import box
 from tongue_fenicsx.verification.gradient import bar_with
 
 FIT = """
@@ -48,7 +50,7 @@ def test_a_twin() -> None:
     knots = np.array([0.0, 0.025, 0.05])
     truth = {"GGP_L": np.array([0.0, 0.5, 0.3]), "VERT_L": np.array([0.0, 0.2, 0.6])}
     run = bar.run(fitting.courses(knots, truth), 0.05)
-    paths = {name: fitting.Track(run.time, path) for name, path in run.probes.items()}
+    paths = {name: goals.Track(run.time, path, name) for name, path in run.probes.items()}
     told: list[fitting.Fit] = []
     found = fitting.fit(bar, paths, list(truth), knots, effort=1e-5, haste=1e-5, report=told.append)
     for name, levels in truth.items():
@@ -95,6 +97,70 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert (output / "fit.png").stat().st_size > 2e4
 
 
+def circle(n: int = 60) -> goals.Outline:
+    """Of 10 mm about the origin."""
+    angle = 2 * np.pi * np.arange(n) / n
+    return goals.Outline(
+        1e-2 * np.column_stack([np.cos(angle), np.zeros(n), np.sin(angle)]), np.column_stack([np.arange(n), np.roll(np.arange(n), -1)])
+    )
+
+
+def test_goals_on_a_circle() -> None:
+    """Distances in closed form: from a wall 3 mm above, from a larger circle, from places beside it, of points out of bounds."""
+    outline = circle()
+    still = {name: np.zeros(3) for name in outline.probes}
+    wall = np.column_stack([np.linspace(-5, 5, 21), np.full(21, 13.0)])
+    assert goals.Constriction(outline, wall, (1.0, 2.0))(0.0, still)[0] == pytest.approx(1.0, abs=0.05)
+    assert goals.Constriction(outline, wall, (2.0, 4.0))(0.0, still)[0] == 0.0
+    angle = np.linspace(0, 6, 50)
+    around = 12 * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert goals.Contour(outline, around)(0.0, still)[0] == pytest.approx(4.0, rel=0.02)
+    surface = np.array([[0.0, 0.0, 0.01], [0.0, 0.005, 0.01]])
+    nearest = goals.Touch(surface, np.array([[0.0, 0.0, 12.0], [0.0, 5.0, 11.0]]))
+    assert nearest(0.0, {name: np.zeros(3) for name in nearest.points})[0] == pytest.approx((4 + 1) / 2)
+    inside = goals.Within("tip", np.array([-5.0, -np.inf, 0.0]), np.array([-2.0, np.inf, np.inf]))
+    assert inside(0.0, {"tip": np.array([1e-3, 9.0, -2e-3])})[0] == pytest.approx(3**2 + 2**2)
+
+
+def test_goals_have_the_derivatives_of_their_values() -> None:
+    """Of a circle that is bent at random, and of a surface."""
+    random, outline = np.random.default_rng(3), circle()
+    surface = 0.01 * random.standard_normal((30, 3))
+    wall = np.column_stack([np.linspace(-8, 8, 40), np.full(40, 14.0)])
+    some: dict[str, goals.Goal] = {
+        "path": goals.Track(np.array([0.0, 1.0]), random.standard_normal((2, 3)) * 1e-3, "tip"),
+        "bounds": goals.Within("tip", np.array([0.1, -1.0, 0.2]), np.array([0.2, 1.0, np.inf])),
+        "narrow": goals.Constriction(outline, wall, (1.0, 2.0)),
+        "drawn": goals.Contour(outline, 11 * random.standard_normal((25, 2))),
+        "touch": goals.Touch(surface, 12 * random.standard_normal((20, 3))),
+    }
+    names = ["tip", *(name for goal in some.values() for name in goal.points)]
+    u = {name: 1e-3 * random.standard_normal(3) for name in names}
+    way = {name: random.standard_normal(3) for name in names}
+    for label, goal in some.items():
+        value, by = goal(0.3, u)
+        assert value > 0, label
+        up, down = (goal(0.3, {name: u[name] + sign * 1e-8 * way[name] for name in names})[0] for sign in (1, -1))
+        assert sum(float(by[name] @ way[name]) for name in by) == pytest.approx((up - down) / 2e-8, rel=1e-5), label
+    together = goals.Goals(some, since=0.2, end=0.4)
+    assert together(0.2, 0.1, u) == (0.0, {})
+    added = together(0.25, 0.1, u)[0]  # of the step only what is after 0.2 s counts: a quarter of the time
+    assert added == pytest.approx(0.25 * np.mean([goal(0.25, u)[0] for goal in some.values()]))
+
+
+def test_the_outline_of_a_tongue(tongue: tf.TongueMesh) -> None:
+    """It is closed: every point of it ends two pieces; its points and the surface's are nodes of the quadratic tongue."""
+    surface, outline = goals.skin_of(tongue)
+    assert set(np.bincount(outline.pieces.ravel())) == {2}
+    assert abs(outline.points[:, 1]).max() < 1e-9
+    assert np.linalg.norm(outline.points - tongue.landmarks["tip"], axis=1).min() < 3e-3
+    assert {tuple(point) for point in outline.points.round(9)} <= {tuple(point) for point in surface}
+    aside = box((0.02, 0.01, 0.01), (2, 1, 1))
+    aside.mesh.geometry.x[:, 1] += 1e-3
+    with pytest.raises(tf.InputError, match="no faces on the mid-plane"):
+        goals.skin_of(aside)
+
+
 def test_what_is_open() -> None:
     """Two muscles that do the same: their sum is known as well as the noise says, their difference not at all."""
     time, slope = np.array([0.0, 0.1]), np.array([4e-3, 0.0, 3e-3])  # m per level, so 5 mm
@@ -103,7 +169,7 @@ def test_what_is_open() -> None:
     def run(levels: dict[str, np.ndarray]) -> SimpleNamespace:
         return SimpleNamespace(time=time, probes={"tip": np.outer([0.0, sum(at[1] for at in levels.values())], slope)})
 
-    paths = {"tip": fitting.Track(time, np.outer([0.0, 1.0], slope))}
+    paths = {"tip": goals.Track(time, np.outer([0.0, 1.0], slope), "tip")}
     moved = {name: run(levels) for name, levels in openness.nearby(found)}
     assert list(moved) == ["GGP-1", "GGM-1"]
     known = openness.openness(found, paths, 0.1, run(found.levels), moved)  # type: ignore[arg-type]
@@ -141,6 +207,18 @@ def test_the_demo() -> None:
     assert list(task.paths) == ["tip"]
     np.testing.assert_allclose(task.knots, [0, 0.05, 0.1, 0.15, 0.2])
     np.testing.assert_allclose(task.paths["tip"].at(0.2), [2e-3, 0, 5e-3])
+
+
+@pytest.mark.parametrize("posture", ["a", "i", "k", "t", "u"])
+def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
+    """They can be read, and their places are there on the walls of the built-in tongue."""
+    task = fit_file.read(Path(__file__).parents[1] / "demos" / "targets" / f"{posture}.toml")
+    walls = {name: tf.Contact(tf.Triangulated(tongue.bones[name])) for name in ("palate", "velum", "pharynx")}
+    found = fit_file.goals_of(task, tf.Simulation(tf.Model(tongue, contacts=walls), stepping=tf.Stepping(0.01)))
+    assert list(found) == [*task.file.point, *task.file.constriction, *task.file.touch]
+    np.testing.assert_allclose(task.knots, [0, 0.1, 0.35])
+    at_rest = {name: np.zeros(3) for goal in found.values() for name in [*goal.points, *LANDMARKS]}
+    assert goals.Goals(found, 0.25, 0.35)(0.35, 0.1, at_rest)[0] > 0.5  # a tongue at rest says nothing
 
 
 @pytest.mark.parametrize(

@@ -84,14 +84,14 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
     if not walls:
         raise InputError(f"{run}: has no contact with a wall of the airway; one called {', '.join(WALLS)} is expected.")
     rest = section(grid)
-    wall, part = _wall(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
+    wall, part = wall_of(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = arc_length(wall)
     outputs = range(len(run.output_times)) if outputs is None else outputs
     distance = [nearest(wall, outline(grids(run, index)[1], 1)) for index in outputs]
     return Airway(run.output_times[list(outputs)], wall, part, along, np.array(distance))
 
 
-def _wall(walls: dict[str, Floats], centre: Floats) -> tuple[Floats, np.ndarray]:
+def wall_of(walls: dict[str, Floats], centre: Floats) -> tuple[Floats, np.ndarray]:
     """The points (n, 2) that rays from `centre` hit first on any of the walls, lines (n, 2, 2), and the names of the walls."""
     names = np.repeat(list(walls), [len(lines) for lines in walls.values()])
     start, end = np.moveaxis(np.concatenate(list(walls.values())) - centre, 1, 0)

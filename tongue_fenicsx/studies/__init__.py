@@ -10,6 +10,7 @@ __all__ = [
     "designs",
     "fit_file",
     "fitting",
+    "goals",
     "openness",
     "plan",
     "pool",

@@ -13,26 +13,38 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
+from ..analysis.airway import WALLS, wall_of
+from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
 from ..core.errors import InputError, reading, within
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
-from ..core.values import UNITS, Name, NotNegative, OneOf, Positive, Real, Seconds, explain
+from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, explain
 from ..plotting.fit_sheet import draw_fit
+from ..reduced.tongue import ReducedTongue
+from ..report.live import section as section_of
 from ..runs.run import Run
 from ..scenario.build import activation_of, inputs_of, simulation_of
 from ..scenario.files import dump, read_toml, scenario_of
 from ..scenario.schema import Scenario, Section
+from ..simulation.simulation import Simulation
 from . import fitting
 from .fitting import Fit
+from .goals import Constriction, Contour, Goal, Touch, Track, Within, skin_of
 from .openness import Openness, nearby, openness
 from .pool import Workers, perform, results
 from .sweep_file import base_of
 
 BEST, PROGRESS, OPEN, SHEET = "best.toml", "fit.csv", "open.csv", "fit.png"
 """The scenario with the activations found so far, how the search went, what the data leave open, and a picture of all."""
+REACH_FOR = 18.0
+"""In mm: points of the surface that may reach an electrode are so near at rest."""
 RUN, NEARBY = "run", "nearby"
 """Folders of the run of the best, and of those beside it."""
+
+
+Span = tuple[float, float]
+BEGINS = ("flat", "live")
 
 
 class TargetSection(Section):
@@ -42,17 +54,60 @@ class TargetSection(Section):
     unit: Annotated[str, OneOf(names=UNITS)] = "mm"
 
 
+class PointSection(Section):
+    """Bounds in mm of the displacement of a probe, backward, to the right and up."""
+
+    x: Span | None = None
+    y: Span | None = None
+    z: Span | None = None
+
+
+class ConstrictionSection(Section):
+    """How near the tongue should come to walls of the airway in the mid-sagittal plane, in mm, and where along x."""
+
+    walls: list[Name]
+    degree: Span
+    x: Span | None = None
+
+
+class ContourSection(Section):
+    """A mid-sagittal contour: a table of x and z."""
+
+    table: str
+    unit: Annotated[str, OneOf(names=UNITS)] = "mm"
+
+
+class TouchSection(Section):
+    """Electrodes of the palate that should be touched: rows from the front, columns from the left, counted from 1."""
+
+    rows: list[Annotated[int, Real(low=1, high=8, whole=True)]]
+    columns: list[Annotated[int, Real(low=1, high=8, whole=True)]] | None = None
+
+
 class FitFile(Section):
-    """A scenario, the muscles that may act in it, and where probes should be."""
+    """A scenario, the muscles that may act in it, and what probes, outline and palate should do."""
 
     base: Any
     muscles: list[Name]
     knots: Seconds = 0.05
+    hold: Flag = False
+    since: NotNegative = 0.0
+    most: Share = 1.0
+    begin: Annotated[str, OneOf(names=BEGINS)] = "flat"
     effort: NotNegative = 1e-2
     haste: NotNegative = 1e-2
-    iterations: Annotated[int, Real(low=1, high=10_000, whole=True)] = 30
+    iterations: Annotated[int, Real(low=0, high=10_000, whole=True)] = 30
     noise: Positive = 0.5
-    target: Mapping[Name, TargetSection]
+    target: Mapping[Name, TargetSection] = {}
+    point: Mapping[Name, PointSection] = {}
+    constriction: Mapping[Name, ConstrictionSection] = {}
+    contour: Mapping[Name, ContourSection] = {}
+    touch: Mapping[Name, TouchSection] = {}
+
+    @property
+    def aims(self) -> list[str]:
+        """Names of all that is to be reached."""
+        return [*self.target, *self.point, *self.constriction, *self.contour, *self.touch]
 
 
 @dataclass(frozen=True)
@@ -61,12 +116,20 @@ class Task:
 
     file: FitFile
     scenario: Scenario
-    paths: Mapping[str, fitting.Track]
+    paths: Mapping[str, Track]
+    contours: Mapping[str, Floats]
+
+    @property
+    def terms(self) -> dict[str, Any]:
+        """As `fitting.fit` takes them."""
+        return {name: getattr(self.file, name) for name in ("hold", "since", "most", "effort", "haste")}
 
     @property
     def knots(self) -> Floats:
-        """Times in s, from 0 to the end, at least as dense as the file says."""
+        """Times in s, from 0 to the end, at least as dense as the file says; of a level that is held, its rise and the end."""
         end = self.scenario.time.end
+        if self.file.hold:
+            return np.array([0.0, min(self.file.knots, end / 2), end])
         return np.linspace(0.0, end, int(np.ceil(end / self.file.knots - 1e-9)) + 1)
 
 
@@ -82,31 +145,83 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         file = FitFile.model_validate(read_toml(path, "a fit in TOML"))
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, FitFile)}") from error
-    if not file.target or not file.muscles:
-        raise InputError(f"{path}: {'muscles' if file.target else 'target'}: at least one is expected.")
-    paths = {name: _path_of(path.parent / section.table, UNITS[section.unit]) for name, section in file.target.items()}
-    return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths)
+    if not file.aims or not file.muscles:
+        raise InputError(f"{path}: {'muscles' if file.aims else 'target'}: at least one is expected.")
+    if len(set(file.aims)) < len(file.aims):
+        raise InputError(f"{path}: two of {', '.join(sorted(file.aims))} have one name; names of their own are expected.")
+    paths, contours = {}, {}
+    for name, section in file.target.items():
+        table = path.parent / section.table
+        rows = _rows_of(table, 4, "four columns, time in s and displacement backward, to the right and up,")
+        with within(table):
+            paths[name] = Track(rows[:, 0], UNITS[section.unit] * rows[:, 1:], name)
+    for name, drawn in file.contour.items():
+        contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(path.parent / drawn.table, 2, "two columns, backward and up,")
+    return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths, contours)
 
 
-def _path_of(table: Path, unit: float) -> fitting.Track:
-    """A table of four columns; a first line of names is skipped."""
-    with reading(table, "four columns, time in s and displacement backward, to the right and up,"):
+def _rows_of(table: Path, columns: int, what: str) -> Floats:
+    """A table of numbers in so many columns; a first line of names is skipped."""
+    with reading(table, what):
         lines = [line for line in table.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
         rows = np.loadtxt(lines[1:] if lines and lines[0].lstrip()[:1].isalpha() else lines, delimiter=",", ndmin=2)
-        if rows.shape[1] != 4 or len(rows) == 0:
+        if rows.shape[1] != columns or len(rows) == 0 or not np.isfinite(rows).all():
             raise ValueError(f"{rows.shape[1]} columns")
-        with within(table):
-            return fitting.Track(rows[:, 0], unit * rows[:, 1:])
+        return np.asarray(rows)
+
+
+def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
+    """What is to be reached, of a simulation's tongue and walls.
+
+    Raises
+    ------
+    InputError
+        If it has no such wall or the tongue no mid-plane.
+    """
+    file, surfaces = task.file, {name: contact.obstacle.surface for name, contact in simulation.model.contacts.items()}
+    goals: dict[str, Goal] = dict(task.paths)
+    for name, bounds in file.point.items():
+        low, high = np.transpose([span or (-np.inf, np.inf) for span in (bounds.x, bounds.y, bounds.z)])
+        goals[name] = Within(name, low, high)
+    if not (file.constriction or file.contour or file.touch):
+        return goals
+    skin, outline = skin_of(simulation.model.tongue)
+    walls = {name: section_of(surface) for name, surface in surfaces.items() if name in WALLS}
+    for name, narrow in file.constriction.items():
+        for wall in narrow.walls:
+            if wall not in walls:
+                raise InputError(f"constriction.{name}: no contact with a wall {wall!r}; there is {', '.join(walls) or 'none'}.")
+        places, part = wall_of(walls, 1e3 * outline.points[:, [0, 2]].mean(axis=0))
+        low, high = narrow.x or (-np.inf, np.inf)
+        there = places[np.isin(part, narrow.walls) & (low <= places[:, 0]) & (places[:, 0] <= high)]
+        if len(there) == 0:
+            raise InputError(f"constriction.{name}: no place of {', '.join(narrow.walls)} has an x from {low:g} to {high:g} mm.")
+        goals[name] = Constriction(outline, there, narrow.degree)
+    goals |= {name: Contour(outline, places) for name, places in task.contours.items()}
+    for name, wanted in file.touch.items():
+        palate = next((surfaces[wall] for wall in PALATES if wall in surfaces), None)
+        if palate is None:
+            raise InputError(f"touch.{name}: no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
+        columns = wanted.columns or range(1, 9)
+        chosen = [row + 1 in wanted.rows and column + 1 in columns for row, column in ELECTRODES]
+        places = 1e3 * electrodes(palate)[chosen]
+        near = [np.linalg.norm(1e3 * point - places, axis=1).min() < REACH_FOR for point in skin]
+        goals[name] = Touch(skin[near], places)
+    return goals
 
 
 def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     """Fit, leave the best so far in the folder whenever it is better, and the run of the best at the end; goes on from what is there."""
     output.mkdir(parents=True, exist_ok=True)
     scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
-    simulation = simulation_of(scenario, output)
+    goals = goals_of(task, plain := simulation_of(scenario, output))
+    simulation = fitting.following(plain, goals)
     given = {name: course for name, course in activation_of(scenario).items() if name not in file.muscles}
     best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
     start = {} if best is None else {n: np.array([c(t) for t in task.knots]) for n, c in activation_of(best).items() if n in file.muscles}
+    if best is None and file.begin == "live":
+        tongue = ReducedTongue.shipped(scenario.tissue.preset)
+        start = fitting.guess(tongue, goals, simulation.probes.rest, file.muscles, task.knots, **task.terms)
 
     def keep(found: Fit) -> None:
         if rank == 0:
@@ -121,17 +236,16 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
             report(found)
 
     found = fitting.fit(
-        simulation, task.paths, file.muscles, task.knots, effort=file.effort, haste=file.haste, given=given, start=start,
-        iterations=file.iterations, report=keep,
-    )  # fmt: skip
+        simulation, goals, file.muscles, task.knots, **task.terms, given=given, start=start, iterations=file.iterations, report=keep
+    )
     last = _with(scenario, found)
     inputs = inputs_of(last, simulation.model.tongue)
-    simulation.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
+    plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
     return found
 
 
 def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openness:
-    """What the data leave open, by runs beside that of a fit; leaves a table and a picture.
+    """What the tables leave open, by runs beside that of a fit; leaves a table and a picture.
 
     Raises
     ------

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -13,36 +14,14 @@ from ..core.errors import InputError
 from ..core.types import Floats
 from ..mechanics.activation import Activation, Course
 from ..mechanics.control import OpenLoop
+from ..reduced.tongue import ReducedTongue
 from ..simulation.simulation import Simulation, resolve_sides
+from .goals import Goal, Goals, Track, Within
 
-
-@dataclass(frozen=True)
-class Track:
-    """Where a probe should be.
-
-    Attributes
-    ----------
-    times : (n,) array
-        In s, growing; before and after, the first and the last displacement count.
-    displacement : (n, 3) array
-        In m, from rest.
-    """
-
-    times: Floats
-    displacement: Floats
-
-    def __post_init__(self) -> None:
-        times, displacement = np.asarray(self.times, dtype=float), np.asarray(self.displacement, dtype=float)
-        if times.ndim != 1 or displacement.shape != (len(times), 3) or not (np.diff(times) > 0).all():
-            raise InputError(
-                f"fit: a path of shape {displacement.shape} at {times.shape} times; growing times (n,) and (n, 3) are expected."
-            )
-        if not (np.isfinite(times).all() and np.isfinite(displacement).all()):
-            raise InputError("fit: a path with numbers that are not finite; take them out, the path is straight between the others.")
-
-    def at(self, t: float) -> Floats:
-        """Displacement (3,) in m at a time in s."""
-        return np.array([np.interp(t, self.times, along) for along in np.transpose(self.displacement)])
+GUESS_STEP, GUESS_ITERATIONS = 0.01, 40
+"""Steps in s and iterations of a search with the reduced tongue."""
+NEAR = 2e-3
+"""In m: how far a probe may be from a node of the reduced tongue."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +35,7 @@ class Fit:
     levels : dict
         Muscle to its levels (n,) at the knots.
     distance : dict
-        Probe to the root mean square over time, in mm, of how far it is from its path.
+        Goal to the root mean square over time, in mm, of how far it is missed.
     objective : float
         Mean square distance in mm² with what effort and haste cost.
     evaluations : int
@@ -83,31 +62,15 @@ def courses(knots: Floats, levels: Mapping[str, Floats]) -> dict[str, Course]:
     return {name: Activation(list(zip(np.diff(knots), at[:-1], at[1:], strict=True))) for name, at in levels.items()}
 
 
-@dataclass
-class _Distance:
-    """Mean square distance in mm² of probes from their paths, over time and probes; an `Objective`."""
-
-    paths: Mapping[str, Track]
-    end: float
-    of: dict[str, float] = field(default_factory=dict)
-
-    def __call__(self, t: float, h: float, probes: Mapping[str, Floats]) -> tuple[float, Mapping[str, Floats]]:
-        share, added, by = h / self.end / len(self.paths), 0.0, {}
-        for name, path in self.paths.items():
-            away = 1e3 * (probes[name] - path.at(t))
-            square = float(away @ away)
-            self.of[name] = self.of.get(name, 0.0) + h / self.end * square
-            added += share * square
-            by[name] = 2e3 * share * away
-        return added, by
-
-
 def fit(
     simulation: Simulation,
-    paths: Mapping[str, Track],
+    goals: Mapping[str, Goal],
     muscles: Sequence[str],
     knots: Floats,
     *,
+    hold: bool = False,
+    since: float = 0.0,
+    most: float = 1.0,
     effort: float = 1e-2,
     haste: float = 1e-2,
     given: Mapping[str, Course] | None = None,
@@ -115,21 +78,27 @@ def fit(
     iterations: int = 30,
     report: Callable[[Fit], object] | None = None,
 ) -> Fit:
-    """Activations, from 0 to 1 and at rest at the first knot, that take probes along paths (L-BFGS-B: Byrd, Lu, Nocedal and Zhu 1995).
+    """Activations, at rest at the first knot, that reach goals (L-BFGS-B: Byrd, Lu, Nocedal and Zhu 1995).
 
-    What is least is the mean square distance in mm² of the probes from their paths, plus `effort` times the mean square level and `haste`
-    times the mean square rate (1/s) times the square of a tenth of a second.
+    What is least is the mean square distance in mm² from the goals, plus `effort` times the mean square level and `haste` times the mean
+    square rate (1/s) times the square of a tenth of a second.
 
     Parameters
     ----------
     simulation : Simulation
-        Of steps of given length.
-    paths : mapping
-        Of probes.
+        Of steps of given length; it follows the probes of all goals (see `following`).
+    goals : mapping
+        Name to goal.
     muscles : sequence of str
         Those that may act: with sides, or both sides by their common name.
     knots : (n,) array
         Times in s, from 0 to the end.
+    hold : bool
+        Each muscle has one level, from the second knot on.
+    since : float
+        Time in s from which on the goals count.
+    most : float
+        Greatest level.
     effort, haste : float
         Weights in mm².
     given : mapping, optional
@@ -144,45 +113,169 @@ def fit(
     Raises
     ------
     InputError
-        If a path is of no probe, a muscle is not in the mesh or the knots do not grow from 0.
+        If a goal needs a probe that is not followed, a muscle is not in the mesh, or the knots do not grow from 0 to after `since`.
     SolveError
         If a run fails.
     """
-    knots = np.asarray(knots, dtype=float)
-    if knots.ndim != 1 or len(knots) < 2 or knots[0] != 0 or not (np.diff(knots) > 0).all():
-        raise InputError("fit: knots: times in s that grow from 0 are expected, at least two.")
-    for name in paths:
-        if name not in simulation.probes.names:
-            raise InputError(f"fit: no probe {name!r}; the simulation follows {', '.join(simulation.probes.names)}.")
+    search = Search(goals, muscles, knots, hold, since, most, effort, haste)
     given = dict(given or {})
-    resting = courses(knots, {name: np.zeros(len(knots)) for name in muscles})
+    for goal in goals.values():
+        if isinstance(goal, Track | Within) and goal.probe not in simulation.probes.names:
+            raise InputError(f"fit: no probe {goal.probe!r}; the simulation follows {', '.join(simulation.probes.names)}.")
+    resting = courses(search.knots, {name: np.zeros(len(search.knots)) for name in muscles})
     sides = resolve_sides(OpenLoop(given | resting), simulation.model)
-    end, n = float(knots[-1]), len(knots) - 1
-    begin = np.array([(start[name] if start and name in start else np.full(n + 1, 0.1))[1:] for name in muscles])
     best, evaluations = np.inf, 0
     found: Fit | None = None
 
     def evaluate(x: Floats) -> tuple[float, Floats]:
         nonlocal best, evaluations, found
-        levels = np.column_stack([np.zeros(len(muscles)), x.reshape(len(muscles), n)])
-        distance = _Distance(paths, end)
-        gradient = simulation.gradient(distance, given | courses(knots, dict(zip(muscles, levels, strict=True))), end)
-        by = np.array([sum(gradient.by_knots(side, knots) for side in sides[name]) for name in muscles])
-        rate = np.diff(levels, axis=1) / np.diff(knots) * 0.1
-        value = gradient.value + effort * float((levels**2).mean()) + haste * float((rate**2).mean())
-        by += 2 * effort * levels / levels.size
-        slope = 2 * haste * rate / rate.size / np.diff(knots) * 0.1
-        by[:, 1:] += slope
-        by[:, :-1] -= slope
+        levels, of = search.levels(x), search.goals()
+        named = dict(zip(muscles, levels, strict=True))
+        gradient = simulation.gradient(of, given | courses(search.knots, named), search.end)
+        by = np.array([sum(gradient.by_knots(side, search.knots) for side in sides[name]) for name in muscles])
+        cost, by_cost = search.cost(levels)
         evaluations += 1
-        if value < best:
+        if (value := gradient.value + cost) < best:
             best = value
-            away = {name: float(np.sqrt(of)) for name, of in distance.of.items()}
-            found = Fit(knots, dict(zip(muscles, levels, strict=True)), away, value, evaluations)
+            found = Fit(search.knots, named, of.distance, value, evaluations)
             if report is not None:
                 report(found)
-        return value, by[:, 1:].ravel()
+        return value, search.numbers_from(by + by_cost)
 
-    done = minimize(evaluate, begin.ravel(), jac=True, method="L-BFGS-B", bounds=[(0, 1)] * begin.size, options={"maxiter": iterations})
+    begin = search.numbers(np.array([(start or {}).get(name, np.full(len(search.knots), 0.1)) for name in muscles]))
+    done = search.least(evaluate, begin, iterations, gradient=True)
     assert found is not None
     return Fit(found.knots, found.levels, found.distance, found.objective, evaluations, str(done.message))
+
+
+def guess(
+    tongue: ReducedTongue,
+    goals: Mapping[str, Goal],
+    probes: Mapping[str, Floats],
+    muscles: Sequence[str],
+    knots: Floats,
+    *,
+    hold: bool = False,
+    since: float = 0.0,
+    most: float = 1.0,
+    effort: float = 1e-2,
+    haste: float = 1e-2,
+    tries: int = 4,
+    seed: int = 0,
+) -> dict[str, Floats]:
+    """Levels with which a reduced tongue reaches goals best, of several searches from levels at random; for a fit to begin with.
+
+    Parameters
+    ----------
+    tongue : ReducedTongue
+        Of the same rest shape.
+    probes : mapping
+        Of the goals: name to point (3,) of the rest shape in m.
+    muscles : sequence of str
+        By their common names; those that the reduced tongue does not have stay at rest.
+    tries : int
+        Searches.
+    seed : int
+        Of the levels that they begin with.
+
+    Other parameters are as of `fit`.
+
+    Raises
+    ------
+    InputError
+        If the reduced tongue is of another shape.
+    """
+    search = Search(goals, muscles, knots, hold, since, most, effort, haste)
+    apart = np.array([np.linalg.norm(tongue.points - point, axis=1) for point in probes.values()])
+    if apart.min(axis=1).max() > NEAR:
+        raise InputError('fit: begin: the reduced tongue has another shape than this one; "flat" is expected.')
+    nodes = apart.argmin(axis=1)
+    times = np.linspace(0.0, search.end, int(np.ceil(search.end / GUESS_STEP - 1e-9)) + 1)
+    counts = np.flatnonzero(times > since)
+    lasting = np.diff(times)[counts - 1]
+    column = [tongue.muscles.index(name) if name in tongue.muscles else None for name in muscles]
+
+    def value(x: Floats) -> float:
+        levels, of = search.levels(x), search.goals()
+        course = np.zeros((len(times), len(tongue.muscles)))
+        for at, level in zip(column, levels, strict=True):
+            if at is not None:
+                course[:, at] = np.interp(times, search.knots, level)
+        u = tongue.displacement(tongue.sequence(times, course)[0][counts])[:, nodes]
+        total = sum(of(t, h, dict(zip(probes, at, strict=True)))[0] for t, h, at in zip(times[counts], lasting, u, strict=True))
+        return total + search.cost(levels)[0]
+
+    random = np.random.default_rng(seed)
+    n = search.size
+    begins = random.uniform(0, most / 2, (tries, n)) * (random.random((tries, n)) < 0.5)
+    results = [search.least(value, begin, GUESS_ITERATIONS, gradient=False) for begin in begins]
+    return dict(zip(muscles, search.levels(min(results, key=lambda done: done.fun).x), strict=True))
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a fit looks for, and what it costs; see `fit`."""
+
+    each: Mapping[str, Goal]
+    muscles: Sequence[str]
+    knots: Floats
+    hold: bool
+    since: float
+    most: float
+    effort: float
+    haste: float
+
+    def __post_init__(self) -> None:
+        knots = np.asarray(self.knots, dtype=float)
+        if knots.ndim != 1 or len(knots) < 2 or knots[0] != 0 or not (np.diff(knots) > 0).all():
+            raise InputError("fit: knots: times in s that grow from 0 are expected, at least two.")
+        if not 0 <= self.since < knots[-1]:
+            raise InputError(f"fit: since: {self.since:g} s; a time before the end, {knots[-1]:g} s, is expected.")
+        object.__setattr__(self, "knots", knots)
+
+    @property
+    def end(self) -> float:
+        """In s."""
+        return float(self.knots[-1])
+
+    @property
+    def size(self) -> int:
+        """Of how many numbers the levels are made."""
+        return len(self.muscles) * (1 if self.hold else len(self.knots) - 1)
+
+    def goals(self) -> Goals:
+        """The goals, of a run that is to begin."""
+        return Goals(self.each, self.since, self.end)
+
+    def levels(self, x: Floats) -> Floats:
+        """Levels (n_muscles, n_knots) from numbers."""
+        free = np.repeat(x[:, None], len(self.knots) - 1, axis=1) if self.hold else x.reshape(len(self.muscles), -1)
+        return np.column_stack([np.zeros(len(self.muscles)), free])
+
+    def numbers(self, levels: Floats) -> Floats:
+        """The other way round."""
+        return np.asarray(levels[:, -1] if self.hold else levels[:, 1:].ravel())
+
+    def numbers_from(self, by_levels: Floats) -> Floats:
+        """Derivatives by the numbers from those by the levels."""
+        return np.asarray(by_levels[:, 1:].sum(axis=1) if self.hold else by_levels[:, 1:].ravel())
+
+    def cost(self, levels: Floats) -> tuple[float, Floats]:
+        """Of effort and haste, and its derivatives by the levels."""
+        rate = np.diff(levels, axis=1) / np.diff(self.knots) * 0.1
+        slope = 2 * self.haste * rate / rate.size / np.diff(self.knots) * 0.1
+        by = 2 * self.effort * levels / levels.size
+        by[:, 1:] += slope
+        by[:, :-1] -= slope
+        return self.effort * float((levels**2).mean()) + self.haste * float((rate**2).mean()), by
+
+    def least(self, function: Callable[[Floats], Any], begin: Floats, iterations: int, *, gradient: bool) -> Any:
+        """The search itself."""
+        bounds = [(0.0, self.most)] * len(begin)
+        return minimize(function, begin.clip(0, self.most), jac=gradient, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
+
+
+def following(simulation: Simulation, goals: Mapping[str, Goal]) -> Simulation:
+    """A simulation that follows the probes of goals too."""
+    more = {name: point for goal in goals.values() for name, point in goal.points.items()}
+    return Simulation(simulation.model, simulation.probes.rest | more, simulation.stepping, simulation.tolerances) if more else simulation

@@ -13,7 +13,8 @@ import numpy as np
 from ..core.errors import SolveError
 from ..core.types import Floats
 from ..runs.run import Run
-from .fitting import Fit, Track
+from .fitting import Fit
+from .goals import Track
 
 MOVED = 0.05
 """By how much a level is moved, toward the middle of what it may be."""

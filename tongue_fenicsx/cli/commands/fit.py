@@ -57,6 +57,8 @@ def fit(
         console.print(f"{found.reason.lower()} after {found.evaluations} runs; the best is {best}, its run {run}")
         for name, (most, t) in fit_file.farthest(task, output).items():
             console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
+    if not task.paths:  # bounds and constrictions are no data
+        return
     with RunsBar(console, rank == 0) as bar:
         known = fit_file.look_around(task, found, output, Workers(jobs, overwrite=True, report=bar))
     if rank == 0:

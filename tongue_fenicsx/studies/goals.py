@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: MIT
+"""What a movement is to do: goals for points, for the mid-sagittal outline and for the palate, each a squared distance with derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
+
+from ..core.errors import InputError
+from ..core.types import Floats, Ints
+from ..meshing.tongue_mesh import TongueMesh
+
+Pull = Mapping[str, Floats]
+"""Probe to a derivative (3,) by its displacement, in mm²/m."""
+PLANE = 1e-6
+"""In m: points so near y = 0 are on the mid-plane, where a mirrored mesh has its faces."""
+
+
+class Goal(Protocol):
+    """Something that probes should do."""
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """Probes that it needs beside those of the simulation: name to point (3,) of the rest shape in m."""
+        ...
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """Of a time in s and the displacements (3,) in m of probes: the squared distance from the goal in mm², and its derivatives."""
+        ...
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where a probe should be over time.
+
+    Attributes
+    ----------
+    times : (n,) array
+        In s, growing; before and after, the first and the last displacement count.
+    displacement : (n, 3) array
+        In m, from rest.
+    probe : str
+        Which probe.
+    """
+
+    times: Floats
+    displacement: Floats
+    probe: str
+    points: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        times, displacement = np.asarray(self.times, dtype=float), np.asarray(self.displacement, dtype=float)
+        if times.ndim != 1 or displacement.shape != (len(times), 3) or not (np.diff(times) > 0).all():
+            raise InputError(
+                f"fit: a path of shape {displacement.shape} at {times.shape} times; growing times (n,) and (n, 3) are expected."
+            )
+        if not (np.isfinite(times).all() and np.isfinite(displacement).all()):
+            raise InputError("fit: a path with numbers that are not finite; take them out, the path is straight between the others.")
+
+    def at(self, t: float) -> Floats:
+        """Displacement (3,) in m at a time in s."""
+        return np.array([np.interp(t, self.times, along) for along in np.transpose(self.displacement)])
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        away = 1e3 * (probes[self.probe] - self.at(t))
+        return float(away @ away), {self.probe: 2e3 * away}
+
+
+@dataclass(frozen=True)
+class Within:
+    """Bounds (3,) in mm for the displacement of a probe."""
+
+    probe: str
+    low: Floats
+    high: Floats
+    points: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        u = 1e3 * probes[self.probe]
+        beyond = u - np.clip(u, self.low, self.high)
+        return float(beyond @ beyond), {self.probe: 2e3 * beyond}
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The mid-sagittal outline of a tongue: points (n, 3) at rest in m, and which of them are the ends of its pieces (m, 2)."""
+
+    points: Floats
+    pieces: Ints
+
+    @property
+    def probes(self) -> dict[str, Floats]:
+        """Its points by the names of their probes."""
+        return {f"outline_{i}": point for i, point in enumerate(self.points)}
+
+    def nearest(self, places: Floats, probes: Mapping[str, Floats]) -> tuple[Floats, list[tuple[int, int]], Floats, Floats]:
+        """The distance (n,) in mm of places (n, 2), x and z in mm, from the outline as it is displaced; of each the ends of the nearest
+        piece, its share between them (n,), and the unit vectors (n, 2) toward it."""
+        now = 1e3 * (self.points + np.array([probes[name] for name in self.probes]))[:, [0, 2]]
+        start, step = now[self.pieces[:, 0]], now[self.pieces[:, 1]] - now[self.pieces[:, 0]]
+        from_start = places[:, None] - start
+        share = np.clip((from_start * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
+        toward = share[..., None] * step - from_start
+        distance = np.linalg.norm(toward, axis=2)
+        rows, at = np.arange(len(places)), distance.argmin(axis=1)
+        d = distance[rows, at]
+        return d, [tuple(self.pieces[i]) for i in at], share[rows, at], toward[rows, at] / np.maximum(d, 1e-9)[:, None]
+
+    def pull(self, ends: tuple[int, int], share: float, along: Floats) -> dict[str, Floats]:
+        """The derivative by its probes of what changes by `along` (2,) with a place on a piece."""
+        both = np.array([along[0], 0.0, along[1]])
+        return {f"outline_{ends[0]}": (1 - share) * both, f"outline_{ends[1]}": share * both}
+
+
+def _add(total: dict[str, Floats], more: Pull) -> None:
+    for name, value in more.items():
+        total[name] = total.get(name, 0.0) + value
+
+
+@dataclass(frozen=True)
+class Constriction:
+    """How far the nearest of some places of a wall is from the outline.
+
+    Attributes
+    ----------
+    outline : Outline
+        Of the tongue.
+    wall : (n, 2) array
+        Places x, z in mm.
+    degree : (float, float)
+        Least and greatest distance in mm.
+    """
+
+    outline: Outline
+    wall: Floats
+    degree: tuple[float, float]
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """As of `Goal`."""
+        return self.outline.probes
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        d, ends, share, toward = self.outline.nearest(self.wall, probes)
+        i = int(d.argmin())
+        beyond = d[i] - np.clip(d[i], *self.degree)
+        return float(beyond**2), self.outline.pull(ends[i], share[i], 2e3 * beyond * toward[i])
+
+
+@dataclass(frozen=True)
+class Contour:
+    """Places (n, 2), x and z in mm, through which the outline should go: their mean square distance from it."""
+
+    outline: Outline
+    places: Floats
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """As of `Goal`."""
+        return self.outline.probes
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        d, ends, share, toward = self.outline.nearest(self.places, probes)
+        total: dict[str, Floats] = {}
+        for i in range(len(d)):
+            _add(total, self.outline.pull(ends[i], share[i], 2e3 * d[i] / len(d) * toward[i]))
+        return float((d**2).mean()), total
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Places (n, 3) in mm that the surface should reach: the mean square distance from the nearest of its points.
+
+    Attributes
+    ----------
+    surface : (m, 3) array
+        Points of the rest shape in m.
+    places : (n, 3) array
+        In mm.
+    """
+
+    surface: Floats
+    places: Floats
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """As of `Goal`."""
+        return {f"surface_{i}": point for i, point in enumerate(self.surface)}
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        now = 1e3 * (self.surface + np.array([probes[name] for name in self.points]))
+        away = now[None] - self.places[:, None]
+        nearest = np.linalg.norm(away, axis=2).argmin(axis=1)
+        away = away[np.arange(len(nearest)), nearest]
+        total: dict[str, Floats] = {}
+        for i, vector in zip(nearest, away, strict=True):
+            _add(total, {f"surface_{i}": 2e3 * vector / len(away)})
+        return float((away**2).sum(axis=1).mean()), total
+
+
+@dataclass
+class Goals:
+    """Several goals from a time on until the end, an `Objective`: the mean over them and over time, in mm².
+
+    Attributes
+    ----------
+    each : mapping
+        Name to goal.
+    since, end : float
+        In s.
+    square : dict
+        Name to the mean square distance in mm² so far.
+    """
+
+    each: Mapping[str, Goal]
+    since: float
+    end: float
+    square: dict[str, float] = field(default_factory=dict)
+
+    def __call__(self, t: float, h: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """What a step that ends at `t` adds."""
+        share, added, by = min(h, max(t - self.since, 0.0)) / (self.end - self.since), 0.0, dict[str, Floats]()
+        if share > 0:
+            for name, goal in self.each.items():
+                square, pull = goal(t, probes)
+                self.square[name] = self.square.get(name, 0.0) + share * square
+                added += share * square / len(self.each)
+                _add(by, {probe: share / len(self.each) * value for probe, value in pull.items()})
+        return added, by
+
+    @property
+    def distance(self) -> dict[str, float]:
+        """Name to the root mean square over time, in mm."""
+        return {name: float(np.sqrt(square)) for name, square in self.square.items()}
+
+
+def skin_of(tongue: TongueMesh) -> tuple[Floats, Outline]:
+    """The points of a tongue's surface, corners and middles of edges (n, 3) in m, and its outline, on all ranks.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces on the mid-plane, as one has that is a mirrored half.
+    """
+    mesh = tongue.mesh
+    mesh.topology.create_connectivity(2, 3)
+    facets = exterior_facet_indices(mesh.topology)
+    corners = mesh.geometry.x[entities_to_geometry(mesh, 2, facets)]
+    corners = np.concatenate(mesh.comm.allgather(corners)).round(9)
+    edges = corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    on = edges[(abs(edges[:, :, 1]) < PLANE).all(axis=1)]
+    if len(on) == 0:
+        raise InputError("fit: the mesh has no faces on the mid-plane y = 0; constrictions and contours need those of the built-in tongue.")
+    ends, number = np.unique(on.reshape(-1, 3), axis=0, return_inverse=True)
+    pairs = np.unique(np.sort(number.reshape(-1, 2), axis=1), axis=0)
+    middle = len(ends) + np.arange(len(pairs))
+    outline = Outline(
+        np.concatenate([ends, ends[pairs].mean(axis=1)]),
+        np.concatenate([np.column_stack([pairs[:, 0], middle]), np.column_stack([middle, pairs[:, 1]])]),
+    )
+    return np.unique(np.concatenate([corners.reshape(-1, 3), edges.mean(axis=1)]).round(9), axis=0), outline
