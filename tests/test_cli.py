@@ -15,6 +15,9 @@ from conftest import EXAMPLE, write_block
 from tongue_fenicsx.anatomy.catalogue import CALKA_STRESS
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.scenario.files import dump, load
+from tongue_fenicsx.studies import fit_file
+
+HOUSE = Path(__file__).parents[1]
 
 SCENARIO = """
 [mesh]
@@ -329,3 +332,23 @@ def test_text_is_printed_as_it_is(capsys: pytest.CaptureFixture[str], monkeypatc
     monkeypatch.setitem(sys.modules, "dolfinx", None)
     code, text = tongue(capsys, "doctor")
     assert (code, "pip install 'tongue_fenicsx[wheel]'" in text) == (2, True), text
+
+
+@pytest.mark.parametrize("kind", ["muscle", "vowel", "contact", "subject", "block", "sweep", "fit"])
+def test_init(kind: str, tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What it writes is taken by the command that it names, and is never written over a file."""
+    path = tmp_path / "mine.toml"
+    code, said = tongue(capsys, "init", kind, "-o", path)
+    assert (code, f"wrote {path}" in said.replace("\n", "")) == (0, True), said
+    code, said = tongue(capsys, "init", kind, "-o", path)
+    assert (code, "is there already" in said) == (2, True), said
+    if kind == "sweep":
+        code, said = tongue(capsys, "sweep", path, "--dry-run")
+    elif kind == "fit":
+        code, said = 0 if fit_file.read(path).file.hold else 1, ""
+    else:
+        mesh = HOUSE / "demos" / "cantilever.msh" if kind == "block" else tongue_file
+        code, said = tongue(capsys, "check", path, "--set", f"mesh={{file='{mesh}'}}")
+    assert code == 0, said
+    code, said = tongue(capsys, "init", "poem", "-o", tmp_path / "other.toml")
+    assert (code, "is not one of muscle" in said) == (2, True), said
