@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -94,6 +95,22 @@ def test_fields_open_as_quadratic_tetrahedra(run: tf.Run) -> None:
 
 def _landmark(run: tf.Run, name: str) -> np.ndarray:
     return np.array(json.loads((run.folder.parent / "tongue.json").read_text())["landmarks"][name])
+
+
+def test_samples_and_columns(run: tf.Run) -> None:
+    """Near its probes a sample is what they followed; one of cells is theirs; outside is said. Columns are the history."""
+    points = np.array(list(run.rest.values()))
+    followed = np.array([probe[-1] for probe in run.probes.values()])
+    inside = 0.99 * points + 0.01 * points.mean(axis=0)  # tip and edges are on the surface
+    np.testing.assert_allclose(run.sample(inside), followed, atol=0.08 * abs(followed).max())
+    assert run.sample(points[:2] * 0.9 + 0.1 * points.mean(axis=0), "jacobian").shape == (2,)
+    with pytest.raises(tf.InputError, match=r"sample: the point \(1000.0, 0.0, 0.0\) mm lies outside"):
+        run.sample(np.array([[1.0, 0.0, 0.0]]))
+    columns = run.to_dict()
+    assert {len(column) for column in columns.values()} == {len(run.time)}
+    np.testing.assert_array_equal(columns["root_x"], run.probes["root"][:, 0])
+    assert {"time", "volume_ratio", "activation_GGP_L", "support_mandible_z", "energy_elastic"} <= columns.keys()
+    assert re.fullmatch(r"Run\('.*'\): done, \d+ steps to [\d.]+ s; probes dorsum, .*", repr(run))
 
 
 def test_pictures(run: tf.Run) -> None:

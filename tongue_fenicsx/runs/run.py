@@ -104,6 +104,44 @@ class Run:
     def __str__(self) -> str:
         return str(self.store.path) if isinstance(self.store, Folder) else "a run in memory"
 
+    def __repr__(self) -> str:
+        status = self.summary.get("status", "not over")
+        return f"Run({str(self)!r}): {status}, {len(self.time) - 1} steps to {self.time[-1]:g} s; probes {', '.join(self.probes) or 'none'}"
+
+    def to_dict(self) -> dict[str, Floats]:
+        """Everything over time as columns (n_t,) in SI units, such as ``tip_x``, ``activation_GGP_L``, ``energy_elastic`` and
+        ``contact_palate_area``; ``pandas.DataFrame(run.to_dict())`` is a table."""
+        columns = {"time": self.time, "volume_ratio": self.volume_ratio}
+        vectors = dict(self.probes) | {f"support_{name}": force for name, force in self.support.items()}
+        for name, touch in self.contact.items():
+            vectors[f"contact_{name}_force"] = touch["force"]
+            columns |= {f"contact_{name}_{part}": touch[part] for part in ("area", "pressure", "penetration") if part in touch}
+        columns |= {f"{name}_{axis}": values[:, i] for name, values in vectors.items() for i, axis in enumerate("xyz")}
+        columns |= {f"activation_{name}": level for name, level in self.activation.items()}
+        return columns | {f"energy_{name}": energy for name, energy in self.energy.items()}
+
+    def sample(self, points: Floats, name: str = "displacement", index: int = -1) -> Floats:
+        """A stored field at points (n, 3) of the rest shape in m, such as along a line: (n,), (n, 3) or (n, 3, 3).
+
+        Fields of nodes are interpolated as the quadratic elements do, those of cells are of the cell around a point.
+
+        Raises
+        ------
+        InputError
+            If the run stored no such field, or a point lies outside the tongue.
+        """
+        import pyvista as pv
+
+        values, (nodes, cells) = self.field(name, index), self.mesh
+        grid = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, nodes)
+        (grid.point_data if len(values) == len(nodes) else grid.cell_data)["values"] = values.reshape(len(values), -1)
+        found = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=float))).sample(grid)
+        outside = np.flatnonzero(np.asarray(found["vtkValidPointMask"]) == 0)
+        if len(outside):
+            place = ", ".join(f"{1e3 * x:.1f}" for x in found.points[outside[0]])
+            raise InputError(f"sample: the point ({place}) mm lies outside the tongue; points of the rest shape are expected.")
+        return np.asarray(found["values"]).reshape(len(found.points), *values.shape[1:])
+
     def reading(self, name: str) -> AbstractContextManager[None]:
         """Say in one sentence that a file of the run is missing or damaged (see `errors.reading`)."""
         return reading(self.store.path / name, WHOLE) if isinstance(self.store, Folder) else nullcontext()

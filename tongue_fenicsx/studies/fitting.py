@@ -18,7 +18,7 @@ from ..reduced.tongue import ReducedTongue
 from ..simulation.simulation import Simulation, resolve_sides
 from .goals import Goal, Goals, Track, Within
 
-GUESS_STEP, GUESS_ITERATIONS = 0.01, 40
+GUESS_STEP, GUESS_ITERATIONS = 0.025, 25
 """Steps in s and iterations of a search with the reduced tongue."""
 NEAR = 2e-3
 """In m: how far a probe may be from a node of the reduced tongue."""
@@ -160,7 +160,7 @@ def guess(
     most: float = 1.0,
     effort: float = 1e-2,
     haste: float = 1e-2,
-    tries: int = 4,
+    tries: int = 3,
     seed: int = 0,
 ) -> dict[str, Floats]:
     """Levels with which a reduced tongue reaches goals best, of several searches from levels at random; for a fit to begin with.
