@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 import pyvista as pv
+from test_cli import tongue as command
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.parallel import on_rank_zero
@@ -111,6 +112,25 @@ def test_samples_and_columns(run: tf.Run) -> None:
     np.testing.assert_array_equal(columns["root_x"], run.probes["root"][:, 0])
     assert {"time", "volume_ratio", "activation_GGP_L", "support_mandible_z", "energy_elastic"} <= columns.keys()
     assert re.fullmatch(r"Run\('.*'\): done, \d+ steps to [\d.]+ s; probes dorsum, .*", repr(run))
+
+
+def test_paraview(run: tf.Run, capsys: pytest.CaptureFixture[str]) -> None:
+    """Read back: the times, the tongue where it is, its fields at the nodes, and muscles with their fibres."""
+    code, said = command(capsys, "paraview", run.folder)
+    assert code == 0, said
+    folder = run.folder.with_name(f"{run.folder.name}-paraview")
+    assert (folder / "open_in_paraview.py").read_text().count("tongue.pvd") == 1
+    compile((folder / "open_in_paraview.py").read_text(), "script", "exec")
+    reader = pv.get_reader(folder / "tongue.pvd")
+    np.testing.assert_allclose(reader.time_values, run.output_times)
+    reader.set_active_time_value(run.output_times[-1])
+    (grid,) = reader.read()
+    u = 1e3 * run.field("displacement")
+    np.testing.assert_allclose(grid.points, 1e3 * run.mesh[0] + u, atol=1e-9)
+    np.testing.assert_allclose(grid["displacement"], u, atol=1e-9)
+    assert {"hencky_von_mises", "jacobian", "velocity", "GGP_weight", "GGP_fibres"} <= set(grid.point_data)
+    assert 0.9 < grid["GGP_weight"].max() < 1 + 1e-9
+    np.testing.assert_allclose(np.linalg.norm(grid["GGP_fibres"], axis=1).max(), grid["GGP_weight"].max(), rtol=0.01)
 
 
 def test_pictures(run: tf.Run) -> None:
