@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.types import Floats
+from tongue_fenicsx.mechanics.tissue import number_of, with_number
 from tongue_fenicsx.simulation.gradient import Gradient
 from tongue_fenicsx.testing import box, with_fibres
+from tongue_fenicsx.verification.gradient import bar_with
 
 DOWN = {"gravity": (0.0, 0.0, -9.81), "gravity_rise": 0.0}
 
@@ -45,6 +48,33 @@ def test_every_level_of_every_step() -> None:
     expected = [1e3 * (up - down) / (2 * step) for up, down in nearby]
     assert abs(expected[0]) > 1e-3 * max(map(abs, expected))
     np.testing.assert_allclose(found.levels["GGP_L"] + found.levels["GGP_R"], expected, rtol=1e-3, atol=1e-6 * max(map(abs, expected)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", [None, "nitsche"])
+def test_by_numbers_of_the_tissue(form: str | None) -> None:
+    """Of law, compressibility, density, damping and strength, free and on a floor: what runs on both sides of each say."""
+    bar = bar_with(form)
+    model = bar.model
+    courses = {"GGP_L": tf.ramp(0.02, 0.1, 0.5), "VERT_L": tf.ramp(0.01, 0.1, 0.3)}
+
+    def high(t: float, h: float, probes: Mapping[str, Floats]) -> tuple[float, Mapping[str, Floats]]:
+        return 1e3 * h * float(probes["end"][2]), {"end": np.array([0.0, 0.0, 1e3 * h])}
+
+    names = ["c10", "c20", "nu", "density", "alpha", "beta", "GGP"]
+    found = bar.gradient(high, courses, 0.04, tissue=names)
+    assert list(found.tissue) == names
+    for name in names:
+        value = number_of(model.tissue, name)
+        sides = []
+        for sign in (1, -1):
+            bar.model = replace(model, tissue=with_number(model.tissue, name, value * (1 + sign * 1e-3)))
+            sides.append(bar.gradient(high, courses, 0.04).value)
+        bar.model = model
+        expected = (sides[0] - sides[1]) / (2e-3 * value)
+        assert found.tissue[name] == pytest.approx(expected, rel=0.02), name
+    with pytest.raises(tf.InputError, match=r"no number 'young'; it has c10, c20, .*density"):
+        bar.gradient(high, courses, 0.04, tissue=["young"])
 
 
 def test_by_knots() -> None:

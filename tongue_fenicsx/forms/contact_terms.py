@@ -197,7 +197,7 @@ class ContactSet:
     def begin(self, gammas: tuple[float, ...], relax: bool) -> None:
         """Begin without augmentation, with obstacles as soft as `gammas` (m/Pa) say (as they are by themselves, if empty), or a little
         softer than that."""
-        for term, gamma in zip(self.terms.values(), gammas or [term.softest for term in self.terms.values()], strict=True):
+        for term, gamma in zip(self.terms.values(), gammas or self.softest, strict=True):
             term.multiplier.x.array[:] = 0.0
             term.gamma.value = min(RELAX * gamma, term.softest) if relax else gamma
 
@@ -225,6 +225,11 @@ class ContactSet:
     def gammas(self) -> tuple[float, ...]:
         """γ of each obstacle in m/Pa."""
         return tuple(float(term.gamma.value) for term in self.terms.values())
+
+    @property
+    def softest(self) -> tuple[float, ...]:
+        """The same of obstacles that were not made stiffer."""
+        return tuple(term.softest for term in self.terms.values())
 
     @contextmanager
     def soften(self) -> Iterator[None]:

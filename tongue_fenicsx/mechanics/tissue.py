@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any
 
 from ..anatomy.catalogue import PEAK_STRESS
+from ..core.errors import InputError
 from ..core.values import Real, checked
 from .hyperelasticity import Passive, Yeoh
 
@@ -83,6 +84,37 @@ class Tissue:
     def kappert(cls) -> Tissue:
         """Living tongue, by aspiration."""
         return TISSUES["kappert"]
+
+
+def number_of(tissue: Tissue, name: str) -> float:
+    """A number of a tissue: of its law (``c10``, ``nu``), its ``density`` in kg/m³, its damping (``alpha`` in 1/s, ``beta`` in s), or the
+    peak stress in Pa of a muscle.
+
+    Raises
+    ------
+    InputError
+        If it has no such number.
+    """
+    known = {**_numbers_of(tissue.law), "density": tissue.density, **_numbers_of(tissue.damping), **tissue.peak_stress}
+    if name not in known:
+        raise InputError(f"gradient: the tissue has no number {name!r}; it has {', '.join(known)}.")
+    return float(known[name])
+
+
+def with_number(tissue: Tissue, name: str, value: float) -> Tissue:
+    """The tissue with another value of a number of `number_of`."""
+    if name in _numbers_of(tissue.law):
+        return replace(tissue, law=replace(tissue.law, **{name: value}))  # type: ignore[type-var]
+    if name in _numbers_of(tissue.damping):
+        return replace(tissue, damping=replace(tissue.damping, **{name: value}))
+    if name == "density":
+        return replace(tissue, density=value)
+    return replace(tissue, peak_stress={**tissue.peak_stress, name: value})
+
+
+def _numbers_of(part: Any) -> dict[str, float]:
+    values = {item.name: getattr(part, item.name) for item in fields(part)}
+    return {name: value for name, value in values.items() if isinstance(value, int | float)}
 
 
 TISSUES: dict[str, Tissue] = {

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,11 +31,14 @@ class Gradient:
         0 and the end of each step, in s.
     levels : dict
         Muscle, with its side, to the derivatives (n + 1,) by its activation at these times.
+    tissue : dict
+        Number of the tissue to the derivative by it, of those that were asked for.
     """
 
     value: float
     times: Floats
     levels: dict[str, Floats]
+    tissue: dict[str, float] = field(default_factory=dict)
 
     def by_knots(self, muscle: str, knots: Floats) -> Floats:
         """Derivatives (n,) by the levels at knots (n,) in s between which the activation of a muscle (with its side) is straight."""
@@ -62,8 +65,9 @@ class Recorder:
         self.by_probe.append(by_probe)
 
 
-def go_back(engine: Engine, adjoint: Adjoint, recorded: Recorder) -> Gradient:
-    """The gradient of the last run of an engine, which was recorded."""
+def go_back(engine: Engine, adjoint: Adjoint, recorded: Recorder, numbers: Sequence[str] = ()) -> Gradient:
+    """The gradient of the last run of an engine, which was recorded, also by numbers of the tissue."""
+    by_tissue = np.zeros(len(numbers))
     probes, V = engine.probes, engine.weak.V
     start, levels = engine.beginning
     states = [start, *recorded.states]
@@ -74,6 +78,10 @@ def go_back(engine: Engine, adjoint: Adjoint, recorded: Recorder) -> Gradient:
         end = Costate(costate.u + probes.transposed(V, rows), costate.v, costate.acceleration, costate.auxiliary)
         costate, by_level = adjoint.back(end, before, after, at)
         found.append(by_level)
+        if numbers:
+            by_tissue += adjoint.by_numbers(numbers, before, after, at)
     found.append(adjoint.begin(costate, start, levels) if levels else np.zeros_like(by_level))
     by_level = np.array(found[::-1])
-    return Gradient(recorded.value, np.array([state.t for state in states]), dict(zip(engine.weak.slots.names, by_level.T, strict=True)))
+    by_muscle = dict(zip(engine.weak.slots.names, by_level.T, strict=True))
+    by_number = dict(zip(numbers, map(float, by_tissue), strict=True))
+    return Gradient(recorded.value, np.array([state.t for state in states]), by_muscle, by_number)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ..mechanics.activation import Course, FunctionOfTime
 from ..mechanics.control import Control, OpenLoop
 from ..mechanics.model import Model
 from ..mechanics.support import check_held
+from ..mechanics.tissue import number_of
 from ..runs.claim import claim
 from ..runs.figures import figure_files
 from ..runs.inputs import KEPT, Inputs
@@ -177,7 +178,13 @@ class Simulation:
             comm.barrier()
         return Run(store.path) if isinstance(store, Folder) else Run(Memory(comm.bcast(store.files)))
 
-    def gradient(self, objective: Objective, activation: Mapping[str, Course | Callable[[float], float]], t_end: float) -> Gradient:
+    def gradient(
+        self,
+        objective: Objective,
+        activation: Mapping[str, Course | Callable[[float], float]],
+        t_end: float,
+        tissue: Sequence[str] = (),
+    ) -> Gradient:
         """An objective of a run, and its derivatives by the activation of each muscle at each step: the discrete adjoint of the time scheme
         with contact, force–length and force–velocity exact. The steps and how soft obstacles are count as given; solve to tight tolerances.
 
@@ -189,19 +196,24 @@ class Simulation:
             As of `run`, without feedback.
         t_end : float
             In s.
+        tissue : sequence of str
+            Numbers of the tissue by which derivatives are wanted too: of its law (``c10``, ``c20``, ``nu``), ``density``, ``alpha``,
+            ``beta``, or the name of a muscle for its peak stress; each costs two evaluations of the balance a step.
 
         Raises
         ------
         InputError
-            As of `run`; for equilibria, the mixed form and suspended bones.
+            As of `run`; for equilibria, the mixed form and suspended bones; if the tissue has no such number.
         SolveError
             As of `run`.
         """
+        for name in tissue:
+            number_of(self.model.tissue, name)
         recorder, sides = Recorder(objective), resolve_sides(_control(activation), self.model)
         engine = self._prepare([name for names in sides.values() for name in names])
         adjoint = engine.adjoint  # where there is none, this says so before the run
         self.run(activation, t_end, after_step=recorder.step)
-        return go_back(engine, adjoint, recorder)
+        return go_back(engine, adjoint, recorder, tissue)
 
     def _told(self, control: Control, t_end: float) -> Inputs:
         return as_scenario(self.model, self.stepping, self.tolerances, self.probes.rest, control, t_end)

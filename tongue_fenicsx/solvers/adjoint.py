@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..core.errors import InputError, SolveError
 from ..core.types import Expr, Floats
 from ..forms.assembly import assemble
 from ..forms.fibre_slots import FibreSlots
+from ..mechanics.tissue import number_of, with_number
 from .equations import Equations
 from .initial_acceleration import accelerate
 from .linear import LinearSolvers
@@ -24,6 +25,8 @@ from .time_integration import GeneralizedAlpha, State
 
 RTOL = 1e-7
 """Relative residual of each linear solve."""
+STEP = 1e-4
+"""Share of a number of the tissue on both sides of which the balance is compared."""
 
 
 @dataclass(frozen=True)
@@ -128,13 +131,9 @@ class Adjoint:
         (n_muscles,) array
             Derivative by the level of each muscle of the weak form's slots.
         """
-        equations, scheme = self._equations, self._scheme
+        scheme = self._scheme
         h = after.t - before.t
-        equations.restore(before)
-        equations.at(after.t, levels)
-        self._weak.contacts.begin(after.gammas, relax=False)
-        self._weak.u.x.array[:] = after.u
-        self._weak.update()
+        self._stand(before, after, levels)
         m, f, g, b = scheme.alpha_m, scheme.alpha_f, scheme.gamma, scheme.beta
         (v_factor, _), (a_factor, _) = scheme.rates
         a = end.acceleration + (1 - f) / (1 - m) * end.auxiliary
@@ -146,6 +145,37 @@ class Adjoint:
         share = 1.0 if before.h in (0.0, h) else h / before.h
         acceleration = f / (1 - m) * end.auxiliary - f / (1 - f) * a + (1 - share) * auxiliary
         return Costate(-known, v - h * known, acceleration, share * auxiliary), self._by_level()
+
+    def _stand(self, before: State, after: State, levels: Mapping[str, float], softest: tuple[float, ...] = ()) -> None:
+        """The equations at the end of a step that has been solved; where the tissue has other numbers since, `softest` says how soft
+        obstacles were by themselves before."""
+        self._equations.restore(before)
+        self._equations.at(after.t, levels)
+        contacts = self._weak.contacts
+        ratios = [now / then for now, then in zip(contacts.softest, softest or contacts.softest, strict=True)]
+        contacts.begin(tuple(gamma * ratio for gamma, ratio in zip(after.gammas, ratios, strict=True)), relax=False)
+        self._weak.u.x.array[:] = after.u
+        self._weak.update()
+
+    def by_numbers(self, names: Sequence[str], before: State, after: State, levels: Mapping[str, float]) -> Floats:
+        """After `back` of the same step: what it adds to the derivatives (n,) by numbers of the tissue.
+
+        The balance is linear in most of them, so the difference of the balance on both sides of a number is its derivative.
+        """
+        weak, forces = self._weak, self._equations.forces
+        model, active = weak.model, list(weak.slots.names)
+        multiplier, found, softest = self._multiplier.x.array.copy(), np.zeros(len(names)), weak.contacts.softest
+        for i, name in enumerate(names):
+            value = number_of(model.tissue, name)
+            step = STEP * (abs(value) or 1.0)
+            for sign in (1.0, -1.0):
+                weak.renew(replace(model, tissue=with_number(model.tissue, name, value + sign * step)), active)
+                self._stand(before, after, levels, softest)
+                left = forces.unbalanced().ravel()
+                found[i] += sign * float(multiplier[: len(left)] @ left) / (2 * step)
+        weak.renew(model, active)
+        self._stand(before, after, levels)
+        return np.asarray(weak.V.mesh.comm.allreduce(found))
 
     def begin(self, end: Costate, start: State, levels: Mapping[str, float]) -> Floats:
         """What the initial acceleration, which muscles at `levels` cause, adds to the derivative by these."""
