@@ -251,8 +251,12 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert "9 runs, 99 states" in done.stdout
     code, said = command(capsys, "rom", "test", model, tmp_path / "judge")
     assert code == 0, said
-    head, *_, last = [list(map(str.strip, line.split("|")[1:-1])) for line in said.splitlines() if line]
+    judged, _, activity = said.partition("| muscles |")
+    head, *_, last = [list(map(str.strip, line.split("|")[1:-1])) for line in judged.splitlines() if line]
     mean = dict(zip(head, last, strict=True))
+    shares = [float(line.split("|")[2]) for line in activity.splitlines()[2:] if line.startswith("|")]
+    assert sum(shares) == pytest.approx(100, abs=0.5)
+    assert re.search(r"s where the full model took \d+ s: 1 / \d+", activity)
     assert float(mean["mean"]) < 0.4 * float(mean["movement"])
     scenario = tmp_path / "judge" / "runs" / "00000" / "scenario.toml"
     code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time as clock
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -24,6 +25,8 @@ from .training import Sequences, train
 
 KEPT_BACK = 10
 """One run of so many is not learned from: by it the doubt is calibrated."""
+ACTIVE = 0.05
+"""A muscle that is more active is at work."""
 CORNERS = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 5, 6, 7], [5, 6, 7, 9], [4, 5, 7, 8], [5, 7, 8, 9]])
 """Eight straight tetrahedra of a quadratic one in VTK order."""
 
@@ -214,6 +217,29 @@ def judge(tongue: ReducedTongue, run: Run) -> Errors:
         doubt=float(doubt.mean()),
         movement=float(1e3 * np.linalg.norm(full, axis=2).mean()),
     )
+
+
+def by_activity(tongue: ReducedTongue, runs: Sequence[Run]) -> list[list[str]]:
+    """Errors by how many muscles are at work, beyond `ACTIVE`: a table of the share of the outputs in %, and of the distances of nodes in
+    mm their mean, 95th percentile and largest; names of columns first."""
+    counts, distances = [], []
+    for run in runs:
+        counts.append((levels_of(run, tongue.muscles)[rows_of_outputs(run)] > ACTIVE).sum(axis=1))
+        distances.append(1e3 * np.linalg.norm(tongue.displacement(follow(tongue, run)[0]) - displacement_of(run), axis=2))
+    count, distance = np.concatenate(counts), np.concatenate(distances)
+    rows = [["muscles", "of the time", "mean", "p95", "largest"]]
+    for n in np.unique(count):
+        of = distance[count == n]
+        numbers = [100 * len(of) / len(distance), of.mean(), np.percentile(of, 95), of.max()]
+        rows.append([str(n), *(f"{number:.3g}" for number in numbers)])
+    return rows
+
+
+def times(tongue: ReducedTongue, run: Run) -> tuple[float, float]:
+    """Seconds that the reduced tongue takes for a run, all nodes at its steps included, and that the full one took."""
+    begin = clock.perf_counter()
+    tongue.displacement(tongue.sequence(run.time, levels_of(run, tongue.muscles))[0])
+    return clock.perf_counter() - begin, float(run.summary["wall_seconds"])
 
 
 def volume(tongue: ReducedTongue, displacement: Floats) -> float:

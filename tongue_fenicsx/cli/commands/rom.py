@@ -76,11 +76,16 @@ def test(
     import numpy as np
 
     from ...core.tables import markdown
-    from ...reduced.learning import Errors, judge, runs_in
+    from ...reduced.learning import Errors, by_activity, judge, runs_in, times
     from ...reduced.tongue import ReducedTongue
 
     tongue = ReducedTongue.load(model)
-    rows = [(str(run), judge(tongue, run)) for run in runs_in(folders)]
+    runs = list(runs_in(folders))
+    rows = [(str(run), judge(tongue, run)) for run in runs]
     whole = Errors(*np.mean([list(vars(errors).values()) for _, errors in rows], axis=0))
     lines = [[name, *errors.cells()] for name, errors in [*rows, ("mean", whole)]]
     console.print(markdown(["run", *Errors.columns()], lines))
+    head, *by_count = by_activity(tongue, runs)
+    console.print(markdown(head, by_count))
+    reduced, full = np.sum([times(tongue, run) for run in runs], axis=0)
+    console.print(f"{reduced:.2g} s where the full model took {full:.0f} s: 1 / {full / reduced:.0f}")
