@@ -22,10 +22,12 @@ from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.meshing import build as meshing
 from tongue_fenicsx.scenario.build import simulation_of
 from tongue_fenicsx.scenario.files import dump, load
+from tongue_fenicsx.simulation.snapshot import Snapshot
 from tongue_fenicsx.solvers.equations import Equations
 from tongue_fenicsx.solvers.newton import Newton, Outcome
 from tongue_fenicsx.solvers.time_integration import GeneralizedAlpha
 from tongue_fenicsx.solvers.tolerances import Tolerances
+from tongue_fenicsx.verification.gradient import bar_with
 
 FLOOR = Plane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0))
 END = {"end": (0.02, 0.005, 0.005)}
@@ -289,3 +291,16 @@ def test_demo_of_a_subject(scratch: Path) -> None:
     model = simulation_of(load(demo, [*changes, "contact.velum.touching=0.0002"]), scratch).model
     with pytest.raises(tf.InputError, match=r"contact\.velum: at rest the tongue is 0\.\d\d mm inside it"):
         WeakForm(model, [])
+
+
+def test_advice_in_contact_names_the_other_form() -> None:
+    """Where Nitsche's method is at work when a step fails, the sentence says which key has the penalty; elsewhere it does not."""
+    said = []
+    for form in ("nitsche", "penalty"):
+        bar, last = bar_with(form), list[Snapshot]()
+        run = bar.run({"GGP_L": tf.ramp(0.01, 0.1)}, 0.05, after_step=last.append)
+        assert run.contact["floor"]["penetration"][-1] > 0
+        assert bar._engine is not None
+        said.append(bar._engine.advise(last[-1], {"GGP_L": 1.0}))
+    assert said[0].endswith('so may contact.floor.form = "penalty"')
+    assert "penalty" not in said[1]
