@@ -119,7 +119,7 @@ def test_mistakes_are_said_at_the_call(block: tf.TongueMesh, mistake: Callable[[
 DEMOS = [
     path
     for path in sorted((Path(__file__).parents[1] / "demos").rglob("*.toml"))
-    if path.parent.name != "example_subject" and path.stem != "fit" and "sweep" not in path.name
+    if path.parent.name not in ("example_subject", "targets") and path.stem != "fit" and "sweep" not in path.name
 ]
 
 
