@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -181,6 +182,14 @@ def test_what_is_open() -> None:
     assert known.determined == 1
     assert known.open_ones()[0].endswith("(± 0.58)")
     assert {"GGP at 100 ms", "GGM at 100 ms"} <= {word.strip("+− ") for word in re.split(r"(?<=ms) ", known.open_ones()[0])}
+    held = replace(
+        found, knots=np.array([0.0, 0.05, 0.1]), levels={n: np.insert(at, 1, at[1]) for n, at in found.levels.items()}, hold=True
+    )
+    at_once = dict(openness.nearby(held))
+    assert {name: tuple(levels["GGP"]) for name, levels in at_once.items()} == {"GGP-2": (0.0, 0.45, 0.45), "GGM-2": (0.0, 0.4, 0.4)}
+    of_postures = openness.openness(held, paths, 0.1, run(found.levels), dict(zip(at_once, moved.values(), strict=True)))  # type: ignore[arg-type]
+    assert [deviation for deviation, _ in of_postures.combinations] == pytest.approx([wide, narrow])
+    assert [len(levels) for levels in of_postures.levels.values()] == [1, 1]
     far = fitting.Fit(time, found.levels, {"tip": 3.0}, 9.0, 1)  # a target that is not reached says less
     assert openness.openness(far, paths, 0.1, run(far.levels), moved).noise == pytest.approx(np.sqrt(3))  # type: ignore[arg-type]
 

@@ -37,12 +37,10 @@ from .sweep_file import base_of
 
 BEST, PROGRESS, OPEN, SHEET = "best.toml", "fit.csv", "open.csv", "fit.png"
 """The scenario with the activations found so far, how the search went, what the data leave open, and a picture of all."""
-REACH_FOR = 18.0
-"""In mm: points of the surface that may reach an electrode are so near at rest."""
 RUN, NEARBY = "run", "nearby"
 """Folders of the run of the best, and of those beside it."""
-
-
+REACH_FOR = 18.0
+"""In mm: points of the surface that may reach an electrode are so near at rest."""
 Span = tuple[float, float]
 BEGINS = ("flat", "live")
 
@@ -261,8 +259,8 @@ def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openn
         known.write(output / OPEN)
         levels = {}
         for name, at in found.levels.items():
-            low, high = known.interval(name)
-            levels[name] = at, np.insert(low, 0, 0.0), np.insert(high, 0, 0.0)
+            low, high = (np.append(0.0, np.broadcast_to(bound, len(at) - 1)) for bound in known.interval(name))
+            levels[name] = at, low, high
         paths = {name: (path.times, np.asarray(path.displacement)) for name, path in task.paths.items()}
         draw_fit(run, found.knots, levels, paths, found.distance, output / SHEET)
         return known

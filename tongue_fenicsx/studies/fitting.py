@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ class Fit:
         Runs with a gradient.
     reason : str
         Why the search ended.
+    hold : bool
+        Whether each muscle has one level, from the second knot on.
     """
 
     knots: Floats
@@ -50,6 +52,7 @@ class Fit:
     objective: float
     evaluations: int
     reason: str = ""
+    hold: bool = False
 
     @property
     def activation(self) -> dict[str, Course]:
@@ -137,7 +140,7 @@ def fit(
         evaluations += 1
         if (value := gradient.value + cost) < best:
             best = value
-            found = Fit(search.knots, named, of.distance, value, evaluations)
+            found = Fit(search.knots, named, of.distance, value, evaluations, hold=hold)
             if report is not None:
                 report(found)
         return value, search.numbers_from(by + by_cost)
@@ -145,7 +148,7 @@ def fit(
     begin = search.numbers(np.array([(start or {}).get(name, np.full(len(search.knots), 0.1)) for name in muscles]))
     done = search.least(evaluate, begin, iterations, gradient=True)
     assert found is not None
-    return Fit(found.knots, found.levels, found.distance, found.objective, evaluations, str(done.message))
+    return replace(found, evaluations=evaluations, reason=str(done.message))
 
 
 def guess(

@@ -85,11 +85,11 @@ class Openness:
 
 
 def nearby(found: Fit) -> Iterator[tuple[str, dict[str, Floats]]]:
-    """Name and levels of a fit, one of them moved."""
+    """Name and levels of a fit, one of them moved; of a posture that is held, one muscle's."""
     for name, levels in found.levels.items():
-        for i in range(1, len(levels)):
+        for i in [len(levels) - 1] if found.hold else range(1, len(levels)):
             moved = levels.copy()
-            moved[i] += MOVED if levels[i] <= 0.5 else -MOVED
+            moved[1 if found.hold else i : i + 1] += MOVED if levels[i] <= 0.5 else -MOVED
             yield f"{name}-{i}", {**found.levels, name: moved}
 
 
@@ -122,7 +122,7 @@ def openness(found: Fit, paths: Mapping[str, Track], noise: float, run: Run, mov
         beside = moved[name]
         if isinstance(beside, SolveError):
             raise beside
-        step = sum(float((levels[muscle] - found.levels[muscle]).sum()) for muscle in levels)
+        step = sum(float((levels[muscle] - found.levels[muscle])[-1 if found.hold else slice(None)].sum()) for muscle in levels)
         columns.append((_measured(beside, paths) - place) / step)
     left = np.sqrt(np.mean(np.square(list(found.distance.values()))) / 3)
     noise = max(noise, float(left))
@@ -133,9 +133,10 @@ def openness(found: Fit, paths: Mapping[str, Track], noise: float, run: Run, mov
     def by_muscle(values: Floats) -> dict[str, Floats]:
         return dict(zip(found.levels, values.reshape(len(found.levels), -1), strict=True))
 
+    free = slice(-1 if found.hold else 1, None)
     return Openness(
-        found.knots[1:],
-        {name: levels[1:] for name, levels in found.levels.items()},
+        found.knots[free],
+        {name: levels[free] for name, levels in found.levels.items()},
         by_muscle(np.sqrt(np.diag(covariance))),
         [(float(np.sqrt(variance)), by_muscle(vector)) for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True)],
         noise,
