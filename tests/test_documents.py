@@ -227,3 +227,13 @@ def test_messages_exist(message: str) -> None:
     """What the page of messages explains is said somewhere."""
     for part in filter(None, map(str.strip, message.split("…"))):
         assert part in SOURCES
+
+
+@pytest.mark.parametrize("posture", ["a", "i", "k", "t", "u"])
+def test_postures_of_the_page(posture: str) -> None:
+    """The presets of ``tongue live`` have the levels of the scenarios."""
+    script = (HOUSE / "tongue_fenicsx" / "report" / "templates" / "live.js").read_text("utf-8")
+    (levels,) = re.findall(rf'"/{posture}/": hold\({{ (.*?) }}', script)
+    activation = load(HOUSE / "demos" / "postures" / f"{posture}.toml").activation
+    held = {name: section.course()(0.3) for name, section in activation.items()}
+    assert {name: float(level) for name, _, level in (item.partition(": ") for item in levels.split(", "))} == pytest.approx(held)

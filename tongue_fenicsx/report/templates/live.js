@@ -149,8 +149,13 @@
     return of[k] + (x - k) * (of[k + 1] - of[k]);
   });
   const hold = (levels, rise, fall) => Object.fromEntries(Object.entries(levels).map(([name, level]) => [name, (t) => (t < rise ? level * t / rise : t < fall ? level : Math.max(0, level * (1 - (t - fall) / rise)))]));
-  const PRESETS = {
+  const PRESETS = { // postures as demos/postures/ has them
     "GGP: root forward, body up": hold({ GGP: 0.5 }, 0.1, 0.6),
+    "/i/": hold({ GGP: 0.304, SG: 0.118, TRANS: 0.128, GH: 0.074 }, 0.1, 0.6),
+    "/a/": hold({ GGM: 0.025, GGA: 0.083, SG: 0.017, HG: 0.072, IL: 0.006, VERT: 0.006, MH: 0.005 }, 0.1, 0.6),
+    "/u/": hold({ GGP: 0.044, GGA: 0.012, SG: 0.119, IL: 0.014, VERT: 0.043, TRANS: 0.048, GH: 0.012, MH: 0.031 }, 0.1, 0.6),
+    "/t/": hold({ GGP: 0.374, GGM: 0.526, SG: 0.031, IL: 0.031, VERT: 0.263, TRANS: 0.408 }, 0.1, 0.6),
+    "/k/": hold({ GGP: 0.054, SG: 0.212, VERT: 0.005, TRANS: 0.187, MH: 0.018 }, 0.1, 0.6),
     "to the palate: MH, GGP, SL": hold({ MH: 0.5, GGP: 0.6, SL: 0.2 }, 0.1, 0.6),
     "back: SG, HG": hold({ SG: 0.4, HG: 0.3 }, 0.1, 0.6),
     "GGP, then HG": { ...hold({ GGP: 0.5 }, 0.1, 0.35), HG: (t) => (t < 0.5 ? 0 : hold({ HG: 0.5 }, 0.1, 0.35).HG(t - 0.5)) },
