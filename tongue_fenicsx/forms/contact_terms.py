@@ -32,6 +32,9 @@ RELAX = 1.2
 REACH = 1e-3
 """Gap in m beyond which an obstacle does nothing, whatever the stress at the surface, which may bear another obstacle or a roller there: so
 the facets that are farther need no assembly."""
+STIFFER = 3.0
+"""By how much Nitsche's parameter grows where a solve fails: tissue that is stretched to several times its length is that much stiffer
+than at rest, by which the parameter is measured."""
 SOFTER = 10.0
 """How much softer obstacles are in the first stage of a step whose solve fails."""
 DEGREE = 4
@@ -220,6 +223,13 @@ class ContactSet:
                 term.augment(depth, allowed)
                 deep = True
         return deep
+
+    def stiffen(self) -> bool:
+        """Make Nitsche's parameter greater for the obstacles that are touched; whether there is one."""
+        touched = [term for term in self.terms.values() if term.contact.form == "nitsche" and self.penetration(term) > 0.0]
+        for term in touched:
+            term.gamma.value /= STIFFER
+        return bool(touched)
 
     @property
     def gammas(self) -> tuple[float, ...]:

@@ -40,13 +40,10 @@ def _place(sensors: Sensors, at: tuple[np.intp, ...]) -> str:
 
 def advise(sensors: Sensors, now: Snapshot, levels: Mapping[str, float], quasi_static: bool) -> str:
     """What may help where the step after the last good state `now`, to other levels of the muscles, failed: in statics, muscles whose force
-    falls as their fibres lengthen are named. In motion, obstacles that touch by Nitsche's method: in tissue that is stretched much, whose
-    stress outgrows Nitsche's parameter, no step is small enough for it."""
-    weak, past = sensors.equations.weak, []
+    falls as their fibres lengthen are named."""
     if not quasi_static:
-        deep = [n for n, term in weak.contacts.terms.items() if term.contact.form == "nitsche" and weak.contacts.penetration(term) > 0]
-        also = [f'contact.{name}.form = "penalty"' for name in deep]
-        return f"{ADVICE}; where what touches is stretched to twice its length or more, so may {' and '.join(also)}" if deep else ADVICE
+        return ADVICE
+    weak, past = sensors.equations.weak, []
     for muscle, stretch in now.per_muscle(0, 0.0).items():
         longest = weak.V.mesh.comm.allreduce(float(stretch.max(initial=0.0)), op=MPI.MAX)
         if levels[muscle] > 0 and longest > weak.model.contraction.optimal_stretch:

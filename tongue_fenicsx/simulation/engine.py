@@ -131,8 +131,8 @@ class Engine:
         return now
 
     def solve(self, t: float, levels: Mapping[str, float]) -> Outcome:
-        """Solve the step to time `t` (s): if that fails in contact, from where softer obstacles stop the tongue; and again with augmented
-        contact where it is too deep in one. The state is as before."""
+        """Solve the step to time `t` (s): if that fails in contact, from where softer obstacles stop the tongue, and then with a greater
+        parameter of Nitsche's; and again with augmented contact where it is too deep in an obstacle. The state is as before."""
         contacts = self.weak.contacts
         self.equations.at(t, levels)
         outcome = self._newton.solve()
@@ -142,6 +142,10 @@ class Engine:
                 outcome = outcome.then(self._newton.solve())
             if outcome.converged:
                 outcome = outcome.then(self._newton.solve())
+            if not outcome.converged:
+                self.equations.at(t, levels)
+                if contacts.stiffen():
+                    outcome = outcome.then(self._newton.solve())
         for _ in range(AUGMENTATIONS):
             if not (outcome.converged and contacts.augment(self._tolerances.penetration)):
                 break
