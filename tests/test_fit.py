@@ -53,7 +53,7 @@ def test_a_twin() -> None:
     run = bar.run(fitting.courses(knots, truth), 0.05)
     paths = {name: goals.Track(run.time, path, name) for name, path in run.probes.items()}
     told: list[fitting.Fit] = []
-    found = fitting.fit(bar, paths, list(truth), knots, effort=1e-5, haste=1e-5, report=told.append)
+    found = fitting.fit(bar, fitting.Search(paths, list(truth), knots, effort=1e-5, haste=1e-5), report=told.append)
     for name, levels in truth.items():
         np.testing.assert_allclose(found.levels[name], levels, atol=0.05)
     assert max(found.distance.values()) < 0.05 < max(told[0].distance.values())

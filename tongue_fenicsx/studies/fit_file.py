@@ -29,7 +29,7 @@ from ..scenario.files import dump, read_toml, scenario_of
 from ..scenario.schema import Scenario, Section
 from ..simulation.simulation import Simulation
 from . import fitting
-from .fitting import Fit
+from .fitting import Fit, Search
 from .goals import Constriction, Contour, Goal, Touch, Track, Within, skin_of
 from .openness import Openness, nearby, openness
 from .pool import Workers, perform, results
@@ -117,10 +117,10 @@ class Task:
     paths: Mapping[str, Track]
     contours: Mapping[str, Floats]
 
-    @property
-    def terms(self) -> dict[str, Any]:
-        """As `fitting.fit` takes them."""
-        return {name: getattr(self.file, name) for name in ("hold", "since", "most", "effort", "haste")}
+    def search(self, goals: Mapping[str, Goal]) -> Search:
+        """What is sought, with these goals."""
+        terms = {name: getattr(self.file, name) for name in ("hold", "since", "most", "effort", "haste")}
+        return Search(goals, self.file.muscles, self.knots, **terms)
 
     @property
     def knots(self) -> Floats:
@@ -213,13 +213,12 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     output.mkdir(parents=True, exist_ok=True)
     scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
     goals = goals_of(task, plain := simulation_of(scenario, output))
-    simulation = fitting.following(plain, goals)
+    simulation, search = fitting.following(plain, goals), task.search(goals)
     given = {name: course for name, course in activation_of(scenario).items() if name not in file.muscles}
     best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
     start = {} if best is None else {n: np.array([c(t) for t in task.knots]) for n, c in activation_of(best).items() if n in file.muscles}
     if best is None and file.begin == "live":
-        tongue = ReducedTongue.shipped(scenario.tissue.preset)
-        start = fitting.guess(tongue, goals, simulation.probes.rest, file.muscles, task.knots, **task.terms)
+        start = fitting.guess(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
 
     def keep(found: Fit) -> None:
         if rank == 0:
@@ -233,9 +232,7 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
                 writer.writerow([found.evaluations, f"{found.objective:.6g}", *(f"{d:.6g}" for d in found.distance.values())])
             report(found)
 
-    found = fitting.fit(
-        simulation, goals, file.muscles, task.knots, **task.terms, given=given, start=start, iterations=file.iterations, report=keep
-    )
+    found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
     last = _with(scenario, found)
     inputs = inputs_of(last, simulation.model.tongue)
     plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)

@@ -65,37 +65,19 @@ def courses(knots: Floats, levels: Mapping[str, Floats]) -> dict[str, Course]:
     return {name: Activation(list(zip(np.diff(knots), at[:-1], at[1:], strict=True))) for name, at in levels.items()}
 
 
-def fit(
-    simulation: Simulation,
-    goals: Mapping[str, Goal],
-    muscles: Sequence[str],
-    knots: Floats,
-    *,
-    hold: bool = False,
-    since: float = 0.0,
-    most: float = 1.0,
-    effort: float = 1e-2,
-    haste: float = 1e-2,
-    given: Mapping[str, Course] | None = None,
-    start: Mapping[str, Floats] | None = None,
-    iterations: int = 30,
-    report: Callable[[Fit], object] | None = None,
-) -> Fit:
-    """Activations, at rest at the first knot, that reach goals (L-BFGS-B: Byrd, Lu, Nocedal and Zhu 1995).
+@dataclass(frozen=True)
+class Search:
+    """What a fit looks for: the least of the mean square distance in mm² from goals, plus `effort` times the mean square level and `haste`
+    times the mean square rate (1/s) times the square of a tenth of a second.
 
-    What is least is the mean square distance in mm² from the goals, plus `effort` times the mean square level and `haste` times the mean
-    square rate (1/s) times the square of a tenth of a second.
-
-    Parameters
+    Attributes
     ----------
-    simulation : Simulation
-        Of steps of given length; it follows the probes of all goals (see `following`).
-    goals : mapping
+    each : mapping
         Name to goal.
     muscles : sequence of str
         Those that may act: with sides, or both sides by their common name.
     knots : (n,) array
-        Times in s, from 0 to the end.
+        Times in s, from 0 to the end, between which activations are straight; at the first all are at rest.
     hold : bool
         Each muscle has one level, from the second knot on.
     since : float
@@ -104,129 +86,21 @@ def fit(
         Greatest level.
     effort, haste : float
         Weights in mm².
-    given : mapping, optional
-        Activations of other muscles, which stay.
-    start : mapping, optional
-        Levels (n,) of muscles to begin with; without, all begin at 0.1.
-    iterations : int
-        At most.
-    report : callable, optional
-        Takes the best so far, whenever it is better.
 
     Raises
     ------
     InputError
-        If a goal needs a probe that is not followed, a muscle is not in the mesh, or the knots do not grow from 0 to after `since`.
-    SolveError
-        If a run fails.
+        If the knots do not grow from 0 to after `since`.
     """
-    search = Search(goals, muscles, knots, hold, since, most, effort, haste)
-    given = dict(given or {})
-    for goal in goals.values():
-        if isinstance(goal, Track | Within) and goal.probe not in simulation.probes.names:
-            raise InputError(f"fit: no probe {goal.probe!r}; the simulation follows {', '.join(simulation.probes.names)}.")
-    resting = courses(search.knots, {name: np.zeros(len(search.knots)) for name in muscles})
-    sides = resolve_sides(OpenLoop(given | resting), simulation.model)
-    best, evaluations = np.inf, 0
-    found: Fit | None = None
-
-    def evaluate(x: Floats) -> tuple[float, Floats]:
-        nonlocal best, evaluations, found
-        levels, of = search.levels(x), search.goals()
-        named = dict(zip(muscles, levels, strict=True))
-        gradient = simulation.gradient(of, given | courses(search.knots, named), search.end)
-        by = np.array([sum(gradient.by_knots(side, search.knots) for side in sides[name]) for name in muscles])
-        cost, by_cost = search.cost(levels)
-        evaluations += 1
-        if (value := gradient.value + cost) < best:
-            best = value
-            found = Fit(search.knots, named, of.distance, value, evaluations, hold=hold)
-            if report is not None:
-                report(found)
-        return value, search.numbers_from(by + by_cost)
-
-    begin = search.numbers(np.array([(start or {}).get(name, np.full(len(search.knots), 0.1)) for name in muscles]))
-    done = search.least(evaluate, begin, iterations, gradient=True)
-    assert found is not None
-    return replace(found, evaluations=evaluations, reason=str(done.message))
-
-
-def guess(
-    tongue: ReducedTongue,
-    goals: Mapping[str, Goal],
-    probes: Mapping[str, Floats],
-    muscles: Sequence[str],
-    knots: Floats,
-    *,
-    hold: bool = False,
-    since: float = 0.0,
-    most: float = 1.0,
-    effort: float = 1e-2,
-    haste: float = 1e-2,
-    tries: int = 3,
-    seed: int = 0,
-) -> dict[str, Floats]:
-    """Levels with which a reduced tongue reaches goals best, of several searches from levels at random; for a fit to begin with.
-
-    Parameters
-    ----------
-    tongue : ReducedTongue
-        Of the same rest shape.
-    probes : mapping
-        Of the goals: name to point (3,) of the rest shape in m.
-    muscles : sequence of str
-        By their common names; those that the reduced tongue does not have stay at rest.
-    tries : int
-        Searches.
-    seed : int
-        Of the levels that they begin with.
-
-    Other parameters are as of `fit`.
-
-    Raises
-    ------
-    InputError
-        If the reduced tongue is of another shape.
-    """
-    search = Search(goals, muscles, knots, hold, since, most, effort, haste)
-    apart = np.array([np.linalg.norm(tongue.points - point, axis=1) for point in probes.values()])
-    if apart.min(axis=1).max() > NEAR:
-        raise InputError('fit: begin: the reduced tongue has another shape than this one; "flat" is expected.')
-    nodes = apart.argmin(axis=1)
-    times = np.linspace(0.0, search.end, int(np.ceil(search.end / GUESS_STEP - 1e-9)) + 1)
-    counts = np.flatnonzero(times > since)
-    lasting = np.diff(times)[counts - 1]
-    column = [tongue.muscles.index(name) if name in tongue.muscles else None for name in muscles]
-
-    def value(x: Floats) -> float:
-        levels, of = search.levels(x), search.goals()
-        course = np.zeros((len(times), len(tongue.muscles)))
-        for at, level in zip(column, levels, strict=True):
-            if at is not None:
-                course[:, at] = np.interp(times, search.knots, level)
-        u = tongue.displacement(tongue.sequence(times, course)[0][counts])[:, nodes]
-        total = sum(of(t, h, dict(zip(probes, at, strict=True)))[0] for t, h, at in zip(times[counts], lasting, u, strict=True))
-        return total + search.cost(levels)[0]
-
-    random = np.random.default_rng(seed)
-    n = search.size
-    begins = random.uniform(0, most / 2, (tries, n)) * (random.random((tries, n)) < 0.5)
-    results = [search.least(value, begin, GUESS_ITERATIONS, gradient=False) for begin in begins]
-    return dict(zip(muscles, search.levels(min(results, key=lambda done: done.fun).x), strict=True))
-
-
-@dataclass(frozen=True)
-class Search:
-    """What a fit looks for, and what it costs; see `fit`."""
 
     each: Mapping[str, Goal]
     muscles: Sequence[str]
     knots: Floats
-    hold: bool
-    since: float
-    most: float
-    effort: float
-    haste: float
+    hold: bool = False
+    since: float = 0.0
+    most: float = 1.0
+    effort: float = 1e-2
+    haste: float = 1e-2
 
     def __post_init__(self) -> None:
         knots = np.asarray(self.knots, dtype=float)
@@ -276,6 +150,116 @@ class Search:
         """The search itself."""
         bounds = [(0.0, self.most)] * len(begin)
         return minimize(function, begin.clip(0, self.most), jac=gradient, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
+
+
+def fit(
+    simulation: Simulation,
+    search: Search,
+    *,
+    given: Mapping[str, Course] | None = None,
+    start: Mapping[str, Floats] | None = None,
+    iterations: int = 30,
+    report: Callable[[Fit], object] | None = None,
+) -> Fit:
+    """Activations that reach goals (L-BFGS-B: Byrd, Lu, Nocedal and Zhu 1995), with the gradients of whole runs.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Of steps of given length; it follows the probes of all goals (see `following`).
+    search : Search
+        What is sought.
+    given : mapping, optional
+        Activations of other muscles, which stay.
+    start : mapping, optional
+        Levels (n,) of muscles to begin with; without, all begin at 0.1.
+    iterations : int
+        At most.
+    report : callable, optional
+        Takes the best so far, whenever it is better.
+
+    Raises
+    ------
+    InputError
+        If a goal needs a probe that is not followed, or a muscle is not in the mesh.
+    SolveError
+        If a run fails.
+    """
+    given, muscles = dict(given or {}), search.muscles
+    for goal in search.each.values():
+        if isinstance(goal, Track | Within) and goal.probe not in simulation.probes.names:
+            raise InputError(f"fit: no probe {goal.probe!r}; the simulation follows {', '.join(simulation.probes.names)}.")
+    resting = courses(search.knots, {name: np.zeros(len(search.knots)) for name in muscles})
+    sides = resolve_sides(OpenLoop(given | resting), simulation.model)
+    best, evaluations = np.inf, 0
+    found: Fit | None = None
+
+    def evaluate(x: Floats) -> tuple[float, Floats]:
+        nonlocal best, evaluations, found
+        levels, of = search.levels(x), search.goals()
+        named = dict(zip(muscles, levels, strict=True))
+        gradient = simulation.gradient(of, given | courses(search.knots, named), search.end)
+        by = np.array([sum(gradient.by_knots(side, search.knots) for side in sides[name]) for name in muscles])
+        cost, by_cost = search.cost(levels)
+        evaluations += 1
+        if (value := gradient.value + cost) < best:
+            best = value
+            found = Fit(search.knots, named, of.distance, value, evaluations, hold=search.hold)
+            if report is not None:
+                report(found)
+        return value, search.numbers_from(by + by_cost)
+
+    begin = search.numbers(np.array([(start or {}).get(name, np.full(len(search.knots), 0.1)) for name in muscles]))
+    done = search.least(evaluate, begin, iterations, gradient=True)
+    assert found is not None
+    return replace(found, evaluations=evaluations, reason=str(done.message))
+
+
+def guess(tongue: ReducedTongue, search: Search, probes: Mapping[str, Floats], tries: int = 3, seed: int = 0) -> dict[str, Floats]:
+    """Levels with which a reduced tongue reaches goals best, of several searches from levels at random; for a fit to begin with.
+
+    Parameters
+    ----------
+    tongue : ReducedTongue
+        Of the same rest shape; muscles that it does not have stay at rest.
+    search : Search
+        What is sought.
+    probes : mapping
+        Of the goals: name to point (3,) of the rest shape in m.
+    tries : int
+        Searches.
+    seed : int
+        Of the levels that they begin with.
+
+    Raises
+    ------
+    InputError
+        If the reduced tongue is of another shape.
+    """
+    apart = np.array([np.linalg.norm(tongue.points - point, axis=1) for point in probes.values()])
+    if apart.min(axis=1).max() > NEAR:
+        raise InputError('fit: begin: the reduced tongue has another shape than this one; "flat" is expected.')
+    nodes = apart.argmin(axis=1)
+    times = np.linspace(0.0, search.end, int(np.ceil(search.end / GUESS_STEP - 1e-9)) + 1)
+    counts = np.flatnonzero(times > search.since)
+    lasting = np.diff(times)[counts - 1]
+    column = [tongue.muscles.index(name) if name in tongue.muscles else None for name in search.muscles]
+
+    def value(x: Floats) -> float:
+        levels, of = search.levels(x), search.goals()
+        course = np.zeros((len(times), len(tongue.muscles)))
+        for at, level in zip(column, levels, strict=True):
+            if at is not None:
+                course[:, at] = np.interp(times, search.knots, level)
+        u = tongue.displacement(tongue.sequence(times, course)[0][counts])[:, nodes]
+        total = sum(of(t, h, dict(zip(probes, at, strict=True)))[0] for t, h, at in zip(times[counts], lasting, u, strict=True))
+        return total + search.cost(levels)[0]
+
+    random = np.random.default_rng(seed)
+    n = search.size
+    begins = random.uniform(0, search.most / 2, (tries, n)) * (random.random((tries, n)) < 0.5)
+    results = [search.least(value, begin, GUESS_ITERATIONS, gradient=False) for begin in begins]
+    return dict(zip(search.muscles, search.levels(min(results, key=lambda done: done.fun).x), strict=True))
 
 
 def following(simulation: Simulation, goals: Mapping[str, Goal]) -> Simulation:
