@@ -34,7 +34,7 @@ def test_circles() -> None:
     assert angle[part == "palate"].min() == pytest.approx(60.0, abs=0.5)
     assert angle[-1] == pytest.approx(-30.0, abs=0.5)
     tongue = np.concatenate([arc(20, 0, 360), arc(20, 0, 0, 1)])  # with a line of no length
-    np.testing.assert_allclose(airway.nearest(wall, tongue), radius - 20, rtol=1e-4)
+    np.testing.assert_allclose(airway.feet(wall, tongue)[0], radius - 20, rtol=1e-4)
 
 
 def test_section_is_that_of_all_cells(tongue_file: Path) -> None:

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.types import Floats
+from ..core.types import Floats, Ints
 from ..geometry.polyline import arc_length
 from ..runs.run import Run
 from .electropalatogram import PALATES
-from .tongue_grid import cut, grids, outline, section
+from .tongue_grid import cut, grids, mid_plane, outline, section
 
 WALLS = (*sorted(PALATES), "velum", "pharynx")
 """Obstacles that bound the airway."""
@@ -80,14 +80,14 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
         If there is none.
     """
     grid = grids(run, 0)[0]
-    walls = {name: cut(surface, grid) for name, surface in run.obstacles_at_rest.items() if name in WALLS}
+    walls = {name: cut(surface, mid_plane(grid)) for name, surface in run.obstacles_at_rest.items() if name in WALLS}
     if not walls:
         raise InputError(f"{run}: has no contact with a wall of the airway; one called {', '.join(WALLS)} is expected.")
     rest = section(grid)
     wall, part = wall_of(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = arc_length(wall)
     outputs = range(len(run.output_times)) if outputs is None else outputs
-    distance = [nearest(wall, outline(grids(run, index)[1], 1)) for index in outputs]
+    distance = [feet(wall, outline(grids(run, index)[1], 1))[0] for index in outputs]
     return Airway(run.output_times[list(outputs)], wall, part, along, np.array(distance))
 
 
@@ -108,9 +108,11 @@ def wall_of(walls: dict[str, Floats], centre: Floats) -> tuple[Floats, np.ndarra
     return np.array(points), np.array(part)
 
 
-def nearest(points: Floats, lines: Floats) -> Floats:
-    """Distances (n,) from points (n, 2) to the nearest of the lines (m, 2, 2)."""
+def feet(points: Floats, lines: Floats) -> tuple[Floats, Ints, Floats]:
+    """Distances (n,) from points (n, 2) to the nearest of the lines (m, 2, 2), which of them that is, and where on it, from 0 to 1."""
     start, step = lines[:, 0], lines[:, 1] - lines[:, 0]
     from_start = points[:, None] - start
     share = np.clip((from_start * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(from_start - share[..., None] * step, axis=2).min(axis=1))
+    distance = np.linalg.norm(from_start - share[..., None] * step, axis=2)
+    rows, which = np.arange(len(points)), distance.argmin(axis=1)
+    return distance[rows, which], which, share[rows, which]

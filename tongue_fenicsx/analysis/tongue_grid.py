@@ -70,9 +70,9 @@ def outline(grid: pv.UnstructuredGrid, subdivision: int = 2) -> Floats:
     return _lines(skin(grid, subdivision).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0)))
 
 
-def cut(surface: Surface, grid: pv.UnstructuredGrid) -> Floats:
-    """Where the plane that cuts a grid in the middle cuts a bone, lines (n, 2, 2) of x and z in mm."""
-    return 1e3 * _lines(surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-3 * mid_plane(grid) + 1e-7, 0.0)))
+def cut(surface: Surface, middle: float = 0.0) -> Floats:
+    """Where the plane at a lateral coordinate in mm (see `mid_plane`) cuts a bone, lines (n, 2, 2) of x and z in mm."""
+    return 1e3 * _lines(surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-3 * middle + 1e-7, 0.0)))
 
 
 def _lines(edges: pv.PolyData) -> Floats:

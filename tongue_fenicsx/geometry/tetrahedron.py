@@ -13,6 +13,9 @@ SIDES = np.array([[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9], [0
 QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 """A side cut into four."""
 
+PLANE = 1e-6
+"""In m: points so near y = 0 are on the mid-plane, where a mirrored tongue has sides."""
+
 
 def volumes(corners: Floats) -> Floats:
     """Volume of each tetrahedron, (n,), of corners (n, 4, 3): positive in the order of Gmsh and DOLFINx."""
@@ -31,3 +34,10 @@ def boundary(cells: Ints, most: int | None = None) -> tuple[Ints, Ints]:
     triangles = sides[:, :3] if most is not None and len(np.unique(sides)) > most else sides[:, QUARTERS].reshape(-1, 3)
     nodes, places = np.unique(triangles, return_inverse=True)
     return nodes, places.reshape(-1, 3)
+
+
+def mid_edges(points: Floats, triangles: Ints) -> Ints:
+    """The edges (n, 2) of a mirrored surface's triangles that lie in the mid-plane y = 0: its mid-sagittal outline."""
+    edges = np.vstack([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    on = (abs(points[:, 1]) < PLANE)[edges].all(axis=1)
+    return np.asarray(np.unique(np.sort(edges[on], axis=1), axis=0))

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..analysis.comparison import Comparison
 from ..analysis.moments import check_moment, ends, obstacles_at
-from ..analysis.tongue_grid import cut, grids_at, outline
+from ..analysis.tongue_grid import cut, grids_at, mid_plane, outline
 from ..core.errors import InputError
 from ..runs.run import Run
 from .canvas import BACKWARD, BONE, curves
@@ -78,7 +78,7 @@ def _draw_contours(axes: Axes, comparison: Comparison, styles: Sequence[Style]) 
         axes.add_collection(curves(rest, colors=REST, linewidths=1, zorder=1))
         axes.add_collection(curves(moved, colors=colour, linestyles=dash, linewidths=1.5, zorder=2))
         for surface in obstacles_at(run, t).values():
-            axes.add_collection(curves(cut(surface, grids[0]), colors=BONE, linestyles=dash, linewidths=1.3, zorder=0))
+            axes.add_collection(curves(cut(surface, mid_plane(grids[0])), colors=BONE, linestyles=dash, linewidths=1.3, zorder=0))
         points = np.concatenate([rest, moved]).reshape(-1, 2)
         low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     axes.set(aspect="equal", xlim=(low[0] - 12, high[0] + 12), ylim=(low[1] - 6, high[1] + 12), xlabel=BACKWARD, ylabel="z in mm")

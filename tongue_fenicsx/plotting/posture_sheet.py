@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..analysis.airway import Airways, Postures
-from ..analysis.tongue_grid import cut, grids, outline
+from ..analysis.tongue_grid import cut, grids, mid_plane, outline
 from ..core.types import Floats
 from .canvas import BACKWARD, BONE, curves, save_both
 from .run_figures import PATHS, name_parts
@@ -33,7 +33,7 @@ def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:
         rest = outline(grid)
         plane.add_collection(curves(rest, colors="0.6", linewidths=1.0, linestyles="--"))
         for surface in first.obstacles_at_rest.values():
-            plane.add_collection(curves(cut(surface, grid), colors=BONE, linewidths=1.6))
+            plane.add_collection(curves(cut(surface, mid_plane(grid)), colors=BONE, linewidths=1.6))
         passage = passages[name]["none"]
         curve.plot(passage.along, passage.distance[0], "--", color="0.6", label="at rest")
         contours = [rest]

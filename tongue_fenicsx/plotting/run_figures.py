@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..analysis.electropalatogram import ELECTRODES
-from ..analysis.tongue_grid import cut, grids, outline, section
+from ..analysis.tongue_grid import cut, grids, mid_plane, outline, section
 from ..analysis.trajectories import SLOW, motion
 from .canvas import BACKWARD, BONE, COLOURS, curves, save_both, title_of
 from .scene import stage
@@ -57,7 +57,7 @@ def draw_midsagittal(run: Run, index: int | None = None) -> Path:
         axes.set_aspect("equal")
         axes.set_xlabel(BACKWARD)
         for surface in run.obstacles(moment).values():
-            axes.add_collection(curves(cut(surface, rest), colors=BONE, linewidths=1.6))
+            axes.add_collection(curves(cut(surface, mid_plane(rest)), colors=BONE, linewidths=1.6))
     left.set_ylabel("z in mm")
     left.autoscale_view()
     if run.contact:  # bones reach far

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ..analysis.moments import field_at, obstacles_at, pose_at
-from ..analysis.tongue_grid import cut, grids, outline, section, skin
+from ..analysis.tongue_grid import cut, grids, mid_plane, outline, section, skin
 from ..core.types import Floats
 from ..runs.run import Run
 from ..simulation import fields  # noqa: F401  registers units and labels
@@ -152,7 +152,7 @@ class Scene:
             places = now.points[:, 0], now.points[:, 2], now.regular_faces
             colours = axes.tripcolor(*places, now["value"], cmap=self.colours.cmap, norm=self.colours.norm, **smooth)
             lines = [curves(outline(grid), colors="0.2", linewidths=1.2)]
-            lines += [curves(cut(bone, self.rest), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
+            lines += [curves(cut(bone, mid_plane(self.rest)), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
             drawn[:] = [colours, *map(axes.add_collection, lines)]
 
         yield show

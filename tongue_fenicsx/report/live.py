@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 
 from ..analysis.electropalatogram import PALATES, REACH, electrodes
+from ..analysis.tongue_grid import cut
 from ..anatomy.catalogue import CATALOGUE
 from ..core.types import Floats, Ints
-from ..geometry.surface import Surface
-from ..geometry.tetrahedron import boundary
+from ..geometry.tetrahedron import boundary, mid_edges
 from ..reduced.room import SPACING, STEPS, UNIT, Room
 from ..reduced.tongue import STEP, ReducedTongue
 from .motion import Shared, pack
 from .templating import include, render
 
-PLANE = 1e-6
-"""In m: nodes so near y = 0 are on the mid-plane, where a mirrored mesh has its faces."""
 TRAILS = ("tip", "dorsum", "root")
 
 
@@ -47,8 +45,7 @@ def live_page(tongue: ReducedTongue) -> bytes:
         "outline": outline(points, triangles),
         "trails": {name: int(np.linalg.norm(points - rest[name], axis=1).argmin()) for name in TRAILS if name in rest},
         "bones": [
-            {"name": name, **shared.put_surface(surface), "section": pack(section(surface), "<f4")}
-            for name, surface in tongue.bones.items()
+            {"name": name, **shared.put_surface(surface), "section": pack(cut(surface), "<f4")} for name, surface in tongue.bones.items()
         ],
         "shared": shared.texts,
         "room": None if tongue.room is None else room(tongue.room),
@@ -78,22 +75,13 @@ def outline(points: Floats, triangles: Ints) -> list[list[int]]:
     """The mid-sagittal outline of a mirrored surface: chains of its points on the mid-plane."""
     import pyvista as pv
 
-    on = abs(points[:, 1]) < PLANE
-    edges = np.vstack([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-    edges = np.unique(np.sort(edges[on[edges].all(axis=1)], axis=1), axis=0)
+    edges = mid_edges(points, triangles)
     lines = pv.PolyData(points, lines=np.column_stack([np.full(len(edges), 2), edges]).ravel()).strip(max_length=len(edges) + 1).lines
     chains = []
     while len(lines):
         chains.append(lines[1 : lines[0] + 1].tolist())
         lines = lines[lines[0] + 1 :]
     return chains
-
-
-def section(surface: Surface) -> Floats:
-    """Where the mid-plane cuts a surface: lines (n, 2, 2), x and z of their ends in mm."""
-    cut = surface.to_pyvista().slice(normal="y", origin=(0.0, 1e-7, 0.0))
-    lines = cut.lines.reshape(-1, 3)[:, 1:] if cut.n_lines else np.empty((0, 2), dtype=int)
-    return np.asarray(1e3 * np.asarray(cut.points)[lines][..., [0, 2]])
 
 
 def scenario(tongue: ReducedTongue) -> str:

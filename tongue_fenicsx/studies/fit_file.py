@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from ..analysis.airway import WALLS, wall_of
 from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
+from ..analysis.tongue_grid import cut
 from ..core.errors import InputError, reading, within
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
@@ -22,7 +23,6 @@ from ..core.types import Floats
 from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, explain
 from ..plotting.fit_sheet import draw_fit
 from ..reduced.tongue import ReducedTongue
-from ..report.live import section as section_of
 from ..runs.run import Run
 from ..scenario.build import activation_of, inputs_of, simulation_of
 from ..scenario.files import dump, read_toml, scenario_of
@@ -184,7 +184,7 @@ def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
     if not (file.constriction or file.contour or file.touch):
         return goals
     skin, outline = skin_of(simulation.model.tongue)
-    walls = {name: section_of(surface) for name, surface in surfaces.items() if name in WALLS}
+    walls = {name: cut(surface) for name, surface in surfaces.items() if name in WALLS}
     for name, narrow in file.constriction.items():
         for wall in narrow.walls:
             if wall not in walls:

@@ -10,14 +10,14 @@ from typing import Protocol
 import numpy as np
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 
+from ..analysis.airway import feet
 from ..core.errors import InputError
 from ..core.types import Floats, Ints
+from ..geometry.tetrahedron import mid_edges
 from ..meshing.tongue_mesh import TongueMesh
 
 Pull = Mapping[str, Floats]
 """Probe to a derivative (3,) by its displacement, in mm²/m."""
-PLANE = 1e-6
-"""In m: points so near y = 0 are on the mid-plane, where a mirrored mesh has its faces."""
 
 
 class Goal(Protocol):
@@ -33,8 +33,17 @@ class Goal(Protocol):
         ...
 
 
+class _OfProbe:
+    """A goal of a probe that the simulation follows."""
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """As of `Goal`."""
+        return {}
+
+
 @dataclass(frozen=True)
-class Track:
+class Track(_OfProbe):
     """Where a probe should be over time.
 
     Attributes
@@ -50,7 +59,6 @@ class Track:
     times: Floats
     displacement: Floats
     probe: str
-    points: Mapping[str, Floats] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times, displacement = np.asarray(self.times, dtype=float), np.asarray(self.displacement, dtype=float)
@@ -72,13 +80,12 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Within:
+class Within(_OfProbe):
     """Bounds (3,) in mm for the displacement of a probe."""
 
     probe: str
     low: Floats
     high: Floats
-    points: Mapping[str, Floats] = field(default_factory=dict)
 
     def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
         """As of `Goal`."""
@@ -99,20 +106,16 @@ class Outline:
         """Its points by the names of their probes."""
         return {f"outline_{i}": point for i, point in enumerate(self.points)}
 
-    def nearest(self, places: Floats, probes: Mapping[str, Floats]) -> tuple[Floats, list[tuple[int, int]], Floats, Floats]:
-        """The distance (n,) in mm of places (n, 2), x and z in mm, from the outline as it is displaced; of each the ends of the nearest
-        piece, its share between them (n,), and the unit vectors (n, 2) toward it."""
+    def nearest(self, places: Floats, probes: Mapping[str, Floats]) -> tuple[Floats, Ints, Floats, Floats]:
+        """The distance (n,) in mm of places (n, 2), x and z in mm, from the outline as it is displaced; of each the ends (n, 2) of the
+        nearest piece, where on it that is (n,), and the unit vectors (n, 2) toward there."""
         now = 1e3 * (self.points + np.array([probes[name] for name in self.probes]))[:, [0, 2]]
-        start, step = now[self.pieces[:, 0]], now[self.pieces[:, 1]] - now[self.pieces[:, 0]]
-        from_start = places[:, None] - start
-        share = np.clip((from_start * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
-        toward = share[..., None] * step - from_start
-        distance = np.linalg.norm(toward, axis=2)
-        rows, at = np.arange(len(places)), distance.argmin(axis=1)
-        d = distance[rows, at]
-        return d, [tuple(self.pieces[i]) for i in at], share[rows, at], toward[rows, at] / np.maximum(d, 1e-9)[:, None]
+        distance, which, share = feet(places, now[self.pieces])
+        ends = self.pieces[which]
+        foot = now[ends[:, 0]] + share[:, None] * (now[ends[:, 1]] - now[ends[:, 0]])
+        return distance, ends, share, (foot - places) / np.maximum(distance, 1e-9)[:, None]
 
-    def pull(self, ends: tuple[int, int], share: float, along: Floats) -> dict[str, Floats]:
+    def pull(self, ends: Ints, share: float, along: Floats) -> dict[str, Floats]:
         """The derivative by its probes of what changes by `along` (2,) with a place on a piece."""
         both = np.array([along[0], 0.0, along[1]])
         return {f"outline_{ends[0]}": (1 - share) * both, f"outline_{ends[1]}": share * both}
@@ -124,7 +127,19 @@ def _add(total: dict[str, Floats], more: Pull) -> None:
 
 
 @dataclass(frozen=True)
-class Constriction:
+class _OfOutline:
+    """A goal of the outline of a tongue."""
+
+    outline: Outline
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """As of `Goal`."""
+        return self.outline.probes
+
+
+@dataclass(frozen=True)
+class Constriction(_OfOutline):
     """How far the nearest of some places of a wall is from the outline.
 
     Attributes
@@ -137,14 +152,8 @@ class Constriction:
         Least and greatest distance in mm.
     """
 
-    outline: Outline
     wall: Floats
     degree: tuple[float, float]
-
-    @property
-    def points(self) -> Mapping[str, Floats]:
-        """As of `Goal`."""
-        return self.outline.probes
 
     def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
         """As of `Goal`."""
@@ -155,16 +164,10 @@ class Constriction:
 
 
 @dataclass(frozen=True)
-class Contour:
+class Contour(_OfOutline):
     """Places (n, 2), x and z in mm, through which the outline should go: their mean square distance from it."""
 
-    outline: Outline
     places: Floats
-
-    @property
-    def points(self) -> Mapping[str, Floats]:
-        """As of `Goal`."""
-        return self.outline.probes
 
     def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
         """As of `Goal`."""
@@ -254,17 +257,16 @@ def skin_of(tongue: TongueMesh) -> tuple[Floats, Outline]:
     mesh = tongue.mesh
     mesh.topology.create_connectivity(2, 3)
     facets = exterior_facet_indices(mesh.topology)
-    corners = mesh.geometry.x[entities_to_geometry(mesh, 2, facets)]
-    corners = np.concatenate(mesh.comm.allgather(corners)).round(9)
-    edges = corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
-    on = edges[(abs(edges[:, :, 1]) < PLANE).all(axis=1)]
-    if len(on) == 0:
+    corners = np.concatenate(mesh.comm.allgather(mesh.geometry.x[entities_to_geometry(mesh, 2, facets)])).round(9)
+    points, triangles = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    pairs = mid_edges(points, triangles.reshape(-1, 3))
+    if len(pairs) == 0:
         raise InputError("fit: the mesh has no faces on the mid-plane y = 0; constrictions and contours need those of the built-in tongue.")
-    ends, number = np.unique(on.reshape(-1, 3), axis=0, return_inverse=True)
-    pairs = np.unique(np.sort(number.reshape(-1, 2), axis=1), axis=0)
-    middle = len(ends) + np.arange(len(pairs))
+    ends, pairs = np.unique(pairs, return_inverse=True)
+    pairs, middle = pairs.reshape(-1, 2), len(ends) + np.arange(len(pairs))
     outline = Outline(
-        np.concatenate([ends, ends[pairs].mean(axis=1)]),
+        np.concatenate([points[ends], points[ends][pairs].mean(axis=1)]),
         np.concatenate([np.column_stack([pairs[:, 0], middle]), np.column_stack([middle, pairs[:, 1]])]),
     )
-    return np.unique(np.concatenate([corners.reshape(-1, 3), edges.mean(axis=1)]).round(9), axis=0), outline
+    middles = corners[:, [[0, 1], [1, 2], [2, 0]]].mean(axis=2).reshape(-1, 3).round(9)
+    return np.unique(np.concatenate([points, middles]), axis=0), outline
