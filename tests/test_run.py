@@ -20,6 +20,7 @@ from test_cli import tongue as command
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.parallel import on_rank_zero
 from tongue_fenicsx.geometry.obstacles import Sphere
+from tongue_fenicsx.geometry.tetrahedron import boundary
 from tongue_fenicsx.mechanics.contact import Contact
 from tongue_fenicsx.simulation.strain import hencky_von_mises, weighted_percentile
 from tongue_fenicsx.testing import with_fibres
@@ -99,12 +100,16 @@ def _landmark(run: tf.Run, name: str) -> np.ndarray:
 
 
 def test_samples_and_columns(run: tf.Run) -> None:
-    """Near its probes a sample is what they followed; one of cells is theirs; outside is said. Columns are the history."""
-    points = np.array(list(run.rest.values()))
-    followed = np.array([probe[-1] for probe in run.probes.values()])
-    inside = 0.99 * points + 0.01 * points.mean(axis=0)  # tip and edges are on the surface
-    np.testing.assert_allclose(run.sample(inside), followed, atol=0.08 * abs(followed).max())
-    assert run.sample(points[:2] * 0.9 + 0.1 * points.mean(axis=0), "jacobian").shape == (2,)
+    """In nodes a sample is their value, amid a cell what its shape functions say, of a field of cells theirs; outside is said. Columns
+    are the history."""
+    (nodes, cells), u = run.mesh, run.field("displacement")
+    inner = np.setdiff1d(cells.ravel(), boundary(cells)[0])[::50]
+    np.testing.assert_allclose(run.sample(nodes[inner]), u[inner], atol=1e-7)
+    some = cells[::20]
+    amid = nodes[some[:, :4]].mean(axis=1)
+    shapes = np.r_[np.full(4, -1 / 8), np.full(6, 1 / 4)]  # at the barycentre
+    np.testing.assert_allclose(run.sample(amid), np.einsum("s,csd->cd", shapes, u[some]), atol=1e-9)
+    np.testing.assert_allclose(run.sample(amid, "jacobian"), run.field("jacobian")[::20])
     with pytest.raises(tf.InputError, match=r"sample: the point \(1000.0, 0.0, 0.0\) mm lies outside"):
         run.sample(np.array([[1.0, 0.0, 0.0]]))
     columns = run.to_dict()

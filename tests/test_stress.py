@@ -18,7 +18,6 @@ from tongue_fenicsx.studies import cases, stress
 from tongue_fenicsx.studies.atlas import MUSCLES
 
 GOLD = json.loads(Path(__file__).with_name("gold.json").read_text(encoding="utf-8"))
-"""Of the case that jumps the largest of what it takes with SL's stress within 3 %, 23 to 34 Newton and 405 to 715 Krylov iterations."""
 MARGIN = 1.2
 """How much more work is no news: another processor rounds otherwise."""
 
@@ -71,19 +70,24 @@ def test_judgement(tmp_path: Path) -> None:
     assert "| jump | 1 | 0.0 % |" in (tmp_path / "stress.md").read_text(encoding="utf-8")
 
 
-def work(tongue_file: Path) -> dict[str, dict[str, int]]:
-    """Steps, rejected ones, Newton and Krylov iterations of hard cases of some milliseconds: jumps, both tissues, ν = 0.499, contact."""
+def work(tongue_file: Path) -> dict[str, Counter[str]]:
+    """Steps, rejected ones, Newton and Krylov iterations of hard cases of some milliseconds: jumps, both tissues, ν = 0.499, contact.
+
+    A jump in soft tissue takes 23 to 34 Newton iterations by luck; so of that it is the sum over five strengths of SL."""
     base = tomllib.loads(LIVING) | {"time": {"end": 0.02}, "output": {"every": 0.02}}
     everything, bench, found = {f"activation.{name}": [(0.1, 1.0, 1.0)] for name in ("GGP", "MH", "SL")}, Workbench(), {}
-    design: dict[str, dict[str, Any]] = {
-        "ramp": {"activation.GGP": [(0.02, 0.0, 1.0)]},
-        "jump": {"tissue.preset": "calka", **everything},
-        "living jump": everything,
-        "jump at 0.499": {"tissue.nu": 0.499, **everything},
+    soft = {"tissue.preset": "calka", **everything}
+    design: dict[str, list[dict[str, Any]]] = {
+        "ramp": [{"activation.GGP": [(0.02, 0.0, 1.0)]}],
+        "jump": [soft | {"muscles.sigma_max.SL": stress} for stress in range(3500, 3701, 50)],
+        "living jump": [everything],
+        "jump at 0.499": [{"tissue.nu": 0.499, **everything}],
     }
-    for name, (scenario, _) in zip(design, cases.scenarios(base, tongue_file.parent, list(design.values())), strict=True):
-        summary = bench.simulation(scenario).run(activation_of(scenario), scenario.time.end).summary
-        found[name] = {key: summary[key] for key in ("n_steps", "n_rejected", "newton_iterations", "krylov_iterations")}
+    for name, changes in design.items():
+        found[name] = Counter[str]()
+        for scenario, _ in cases.scenarios(base, tongue_file.parent, changes):
+            summary = bench.simulation(scenario).run(activation_of(scenario), scenario.time.end).summary
+            found[name].update({key: summary[key] for key in ("n_steps", "n_rejected", "newton_iterations", "krylov_iterations")})
     bench.clear()
     return found
 

@@ -18,9 +18,8 @@ received = 0
 
 def prepare() -> None:
     """Go on where the terminal does not; let the first SIGINT or SIGTERM end the command as `Interrupted`, a second one at once."""
-    atexit.register(
-        on_signals, signal.SIG_IGN
-    )  # the last to be called; then Python lets go of handlers, and a signal would end it by itself
+    # called last; then Python lets go of handlers, and a signal would end the command by itself
+    atexit.register(on_signals, signal.SIG_IGN)
     for descriptor in range(3):
         try:
             os.fstat(descriptor)

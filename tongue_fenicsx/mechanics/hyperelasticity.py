@@ -152,7 +152,7 @@ LAWS: dict[str, Any] = {
 
 
 def numbers(law: Any) -> dict[str, float]:
-    """The numbers of a law but Poisson's ratio, which only the volume knows."""
+    """The numbers of a law, or of damping, but Poisson's ratio, which only the volume knows."""
     values = {item.name: getattr(law, item.name) for item in fields(law) if item.name != "nu"}
     return {name: value for name, value in values.items() if isinstance(value, int | float)}
 

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 from ..anatomy.catalogue import PEAK_STRESS
 from ..core.errors import InputError
 from ..core.values import Real, checked
-from .hyperelasticity import Passive, Yeoh
+from .hyperelasticity import Passive, Yeoh, numbers
 
 Density = Annotated[float, Real("kg/m³", "density", low=0, above=True)]
 MassDamping = Annotated[float, Real("1/s", "Rayleigh α", low=0)]
@@ -95,7 +95,8 @@ def number_of(tissue: Tissue, name: str) -> float:
     InputError
         If it has no such number.
     """
-    known = {**_numbers_of(tissue.law), "density": tissue.density, **_numbers_of(tissue.damping), **tissue.peak_stress}
+    law = {**numbers(tissue.law), "nu": tissue.law.nu}
+    known = {**law, "density": tissue.density, **numbers(tissue.damping), **tissue.peak_stress}
     if name not in known:
         raise InputError(f"gradient: the tissue has no number {name!r}; it has {', '.join(known)}.")
     return float(known[name])
@@ -103,18 +104,13 @@ def number_of(tissue: Tissue, name: str) -> float:
 
 def with_number(tissue: Tissue, name: str, value: float) -> Tissue:
     """The tissue with another value of a number of `number_of`."""
-    if name in _numbers_of(tissue.law):
-        return replace(tissue, law=replace(tissue.law, **{name: value}))  # type: ignore[type-var]
-    if name in _numbers_of(tissue.damping):
-        return replace(tissue, damping=replace(tissue.damping, **{name: value}))
     if name == "density":
         return replace(tissue, density=value)
-    return replace(tissue, peak_stress={**tissue.peak_stress, name: value})
-
-
-def _numbers_of(part: Any) -> dict[str, float]:
-    values = {item.name: getattr(part, item.name) for item in fields(part)}
-    return {name: value for name, value in values.items() if isinstance(value, int | float)}
+    if name in tissue.peak_stress:
+        return replace(tissue, peak_stress={**tissue.peak_stress, name: value})
+    if name in numbers(tissue.damping):
+        return replace(tissue, damping=replace(tissue.damping, **{name: value}))
+    return replace(tissue, law=replace(tissue.law, **{name: value}))  # type: ignore[type-var]
 
 
 TISSUES: dict[str, Tissue] = {

@@ -135,7 +135,7 @@ class Run:
         values, (nodes, cells) = self.field(name, index), self.mesh
         grid = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, nodes)
         (grid.point_data if len(values) == len(nodes) else grid.cell_data)["values"] = values.reshape(len(values), -1)
-        found = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=float))).sample(grid)
+        found = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=float))).sample(grid, tolerance=1e-9)  # VTK's own finds cells beside
         outside = np.flatnonzero(np.asarray(found["vtkValidPointMask"]) == 0)
         if len(outside):
             place = ", ".join(f"{1e3 * x:.1f}" for x in found.points[outside[0]])

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 def fit(
-    file: Annotated[Path, typer.Argument(metavar="FIT.toml", help="A scenario, muscles that may act, and where probes should be.")],
+    file: Annotated[Path, typer.Argument(metavar="FIT.toml", help="A scenario, muscles that may act, and what they should do.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="best.toml, fit.csv, open.csv, fit.png, and the run of the best.")
     ],
     changes: Changes = None,
     jobs: Jobs = 1,
 ) -> None:
-    """Find activations that take probes along given paths, and what the paths leave open; the same command goes on from the best that
-    the folder holds."""
+    """Find activations that move points or shape the tongue as wanted, and what the data leave open; the same command goes on from the
+    best that the folder holds."""
     from ...core.errors import within
     from ...studies import fit_file
 
@@ -51,10 +51,12 @@ def fit(
         with within(file):
             found = fit_file.fit(task, output, say)
     except Interrupted as signal:
-        raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {output / fit_file.BEST}") from None
+        if not (best := output / fit_file.BEST).exists():
+            raise
+        raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {best}") from None
     if rank == 0:
-        best, run = output / fit_file.BEST, output / fit_file.RUN
-        console.print(f"{found.reason.lower()} after {found.evaluations} runs; the best is {best}, its run {run}")
+        files = f"the best is {output / fit_file.BEST}, its run {output / fit_file.RUN}"
+        console.print(f"{found.reason.lower()} after {found.evaluations} runs; {files}")
         for name, (most, t) in fit_file.farthest(task, output).items():
             console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
     if not task.paths:  # bounds and constrictions are no data
