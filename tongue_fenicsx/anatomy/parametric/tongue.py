@@ -222,7 +222,12 @@ def _transversus(profile: Profile) -> Lines:
 
 
 def _geniohyoid(profile: Profile) -> Lines:
-    return [_smooth([(1.5, 2.0 + dy, -10.5), (16.5, 3.5 + dy, -12.0), (33.0, 4.5 + 1.3 * dy, -15.8)]) for dy in (0.0, 2.5)]
+    """Level under the tongue; its end bends down to the hyoid's body."""
+
+    def line(y: float) -> Floats:
+        return _smooth([(1.5, 2.0 + y, -10.5), (16.5, 3.5 + y, -11.5), (26.0, 4.0 + y, -12.9), (33.0, 4.5 + 1.3 * y, -15.0)])
+
+    return [line(0.0), line(2.5)]
 
 
 def _mylohyoid(profile: Profile) -> Lines:
