@@ -423,7 +423,10 @@ def test_frames_and_formats(scratch: Path, axes: str, unit: float) -> None:
         ("open", "tongue_surface.obj: the surface is open"),
         ("attachment", "'mandible', entry 0, lies .* mm from the tongue surface"),
         ("no fibres", "'GGP_L' has no polyline"),
-        ("unit", "a tongue of 0.03 to 0.3 m is expected, so state its unit"),
+        (
+            "unit",
+            r"0.03 to 0.3 m and 5 to 400 cm³ is expected, so state its unit in frame.toml \(unit = 'mm' would make it one",
+        ),
         ("json", "fibres.json: cannot be read"),
         ("outside", "only 0 % of the fibre length of 'GGP_L' lies inside the tongue surface"),
         ("axes", "frame.toml: axes: 'LPP'; three letters are expected"),

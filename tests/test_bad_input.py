@@ -572,19 +572,23 @@ def _frame(text: str) -> Callable[[Path], object]:
 
 
 SUBJECTS: list[tuple[str, Callable[[Path], object], str]] = [
-    ("frame.toml", _frame("unit = 'inch'"), "unit: 'inch' is not one of m, cm, mm"),
+    ("frame.toml", _frame("unit = 'inch'"), "unit: 'inch' is not one of m, cm, mm, nor the length of another in m"),
     ("frame.toml", _frame("axes = 'LLS'"), "axes: 'LLS'; three letters are expected"),
     ("frame.toml", _frame("axes = 3"), "axes: 3; three letters are expected"),
     ("frame.toml", _frame("units = 'mm'"), "unknown key 'units'; known are unit, axes"),
     ("frame.toml", _frame("mid_plane = 'y'"), "mid_plane: 'y'; a number is expected"),
     ("frame.toml", _frame("mid_plane = nan"), "mid_plane: nan; a number is expected"),
+    ("frame.toml", _frame("unit = true"), "unit: True is not one of m, cm, mm"),
+    ("frame.toml", _frame("unit = -1.0"), "unit: -1.0 is not one of m, cm, mm"),
+    ("frame.toml", _frame("cap = 1"), "cap: 1; true or false is expected"),
+    ("frame.toml", _frame("muscles = 'mine'"), "muscles: 'mine' is not one of measured, built-in"),
     ("frame.toml", _frame("repair = -1"), "repair: -1; zero or a positive number is expected"),
     ("frame.toml", _frame("genial_spine = [1, 2]"), "genial_spine: [1, 2]; three numbers are expected"),
     ("frame.toml", _frame("unit ="), "cannot be read (Invalid value"),
     (
         "tongue_surface.obj",
         _frame("unit = 'm'\naxes = 'LPS'"),
-        "m long; a tongue of 0.03 to 0.3 m is expected, so state its unit in frame.toml",
+        "a tongue of 0.03 to 0.3 m and 5 to 400 cm³ is expected, so state its unit in frame.toml (unit = 'mm' would",
     ),
     ("tongue_surface.obj", _spike, "triangles cross each other around ( … mm; a surface that does not cross itself is expected"),
     ("tongue_surface.ply", _open, "the surface is open (3 edges belong to one triangle only)"),

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: MIT
 """Muscles and bones as plain data: the built-in tongue, and a subject's folder."""
 
-__all__ = ["anatomy", "catalogue", "comparison", "parametric", "subject"]
+__all__ = ["anatomy", "carry_over", "catalogue", "comparison", "frame_guess", "parametric", "subject"]

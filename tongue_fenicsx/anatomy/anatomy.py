@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.types import Bools, Floats
 from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.polyline import arc_length
@@ -128,6 +129,8 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     bonded = surface.points[surface.triangles[surface.labels == "hyoid"]].reshape(-1, 3)
     low = bonded[:, 2].max() if len(bonded) else contour[:, 2].min()
     rear = contour[contour[:, 0] > dorsum[0]]
+    if not len(rear):
+        raise InputError("the surface is highest where it is farthest back; with the right axes a tongue is not.")
     root = rear[np.argmin(abs(rear[:, 2] - (dorsum[2] + low) / 2))]
     ring = np.roll(contour, -start, axis=0)
     along = arc_length(ring)

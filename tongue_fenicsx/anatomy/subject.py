@@ -7,7 +7,7 @@ file                  content
 tongue_surface.*      closed surface (STL, OBJ, PLY, VTP, VTU)
 fibres.json           ``{"GGP_L": [[[x, y, z], …], …], …}``, polylines; or a folder ``fibres/`` with one VTP a muscle
 attachments.json      ``{"mandible": …, "hyoid": …}``: nodes of the volume mesh, ``[x, y, z]``, or a patch's file name
-frame.toml            optional: ``unit``, ``axes``, ``mid_plane``, ``genial_spine`` (metres, PRS, 0, found)
+frame.toml            optional: ``unit``, ``axes``, ``mid_plane``, ``genial_spine`` (metres, PRS, 0, found), and more
 tongue_hex.vtu        optional: volume mesh with one 0/1 cell array per muscle, its region
 *.stl, *.obj, …       optional: bones and walls, named by file
 ===================== ==================================================================================
@@ -35,6 +35,8 @@ from ..geometry.fibre_bundle import FibreBundle
 from ..geometry.surface import SUFFIXES, Surface, close_surface, read_surface
 from . import catalogue as muscle_facts
 from .anatomy import Anatomy, Muscle
+from .carry_over import CarriedOver
+from .frame_guess import HULL, LENGTH, hull, is_tongue, likely_unit
 
 SYNONYMS = {"STY": "SG"}
 AXES = {"P": (0, 1), "A": (0, -1), "R": (1, 1), "L": (1, -1), "S": (2, 1), "I": (2, -1)}
@@ -42,6 +44,9 @@ AXES = {"P": (0, 1), "A": (0, -1), "R": (1, 1), "L": (1, -1), "S": (2, 1), "I": 
 
 BONE = (3e-3, 0.6)
 """How long a bone or wall may be, in m."""
+
+MUSCLES = ("measured", "built-in")
+"""Where a subject's muscles come from."""
 
 OUTSIDE = 10e-3
 """Fibres that end farther than this from the tongue, in m, belong to a muscle that comes from a bone out there."""
@@ -53,8 +58,8 @@ class Frame:
 
     Attributes
     ----------
-    unit : str
-        ``m``, ``cm`` or ``mm``.
+    unit : str or float
+        ``m``, ``cm`` or ``mm``, or the length of another in m.
     axes : str
         Where x, y and z point: three letters of P/A, R/L and S/I, such as ``LPS``; ours is ``PRS``.
     mid_plane : float
@@ -63,13 +68,19 @@ class Frame:
         The superior genial spine; without it the mean start of the genioglossus fibres.
     repair : float
         How far a repair of crossing triangles may move the tongue's surface; 0 for none.
+    cap : bool
+        Close the holes of the tongue's surface.
+    muscles : str
+        ``measured``, or ``built-in`` for those of the built-in tongue, carried over, with its attachments.
     """
 
-    unit: str = "m"
+    unit: str | float = "m"
     axes: str = "PRS"
     mid_plane: float = 0.0
     genial_spine: tuple[float, float, float] | None = None
     repair: float = 0.0
+    cap: bool = False
+    muscles: str = "measured"
 
     @classmethod
     def read(cls, path: Path) -> Frame:
@@ -83,8 +94,12 @@ class Frame:
             if key not in known:
                 raise InputError(f"{path}: unknown key {key!r}; known are {', '.join(known)}.")
         frame = cls(**data)
-        if frame.unit not in list(UNITS):
-            raise InputError(f"{path}: unit: {frame.unit!r} is not one of {', '.join(UNITS)}.")
+        if frame.unit not in list(UNITS) and (isinstance(frame.unit, bool | str) or not frame.unit > 0):
+            raise InputError(f"{path}: unit: {frame.unit!r} is not one of {', '.join(UNITS)}, nor the length of another in m.")
+        if not isinstance(frame.cap, bool):
+            raise InputError(f"{path}: cap: {frame.cap!r}; true or false is expected.")
+        if frame.muscles not in MUSCLES:
+            raise InputError(f"{path}: muscles: {frame.muscles!r} is not one of {', '.join(MUSCLES)}.")
         letters = list(frame.axes) if isinstance(frame.axes, str) else []
         if sorted(AXES[letter][0] for letter in letters if letter in AXES) != [0, 1, 2]:
             raise InputError(f"{path}: axes: {frame.axes!r}; three letters are expected, one each of P or A, R or L, S or I.")
@@ -99,6 +114,11 @@ class Frame:
             raise InputError(f"{path}: genial_spine: {frame.genial_spine!r}; three numbers are expected.")
         return frame
 
+    @property
+    def metre(self) -> float:
+        """Length of the unit in m."""
+        return UNITS[self.unit] if isinstance(self.unit, str) else float(self.unit)
+
     def metres(self, points: Any) -> Floats:
         """Points (n, 3) of the folder in our frame: metres, x posterior, y right, z up."""
         given = np.asarray(points, dtype=float).reshape(-1, 3)
@@ -106,7 +126,7 @@ class Frame:
         for column, letter in enumerate(self.axes):
             axis, sign = AXES[letter]
             ours[:, axis] = sign * (given[:, column] - (self.mid_plane if axis == 1 else 0.0))
-        return UNITS[self.unit] * ours
+        return self.metre * ours
 
     def surface(self, path: Path) -> Surface:
         """Read a surface of the folder."""
@@ -190,24 +210,41 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
     tongue = [p for p in surfaces if p.stem == "tongue_surface"]
     if not tongue:
         raise InputError(f"{folder}: no tongue_surface.stl (or {', '.join(SUFFIXES[1:])}) in this folder.")
-    surface, repair = close_surface(frame.surface(tongue[0]), tongue[0], UNITS[frame.unit] * frame.repair)
-    size = float(np.ptp(surface.points, axis=0).max())
-    if not 0.03 < size < 0.3:
-        raise InputError(
-            f"{tongue[0]}: the surface is {size:g} m long; a tongue of 0.03 to 0.3 m is expected, so state its unit in frame.toml "
-            f"(unit = {' or '.join(repr(u) for u in UNITS)})."
-        )
-    hex_path = folder / "tongue_hex.vtu"
+    seen = frame.surface(tongue[0])
+    if not is_tongue(seen.points):
+        raise InputError(f"{tongue[0]}: {_wrong_size(seen.points / frame.metre)}")
+    surface, repair = close_surface(seen, tongue[0], frame.metre * frame.repair, cap=frame.cap)
+    hex_path, attachments = folder / "tongue_hex.vtu", folder / "attachments.json"
     cell_sets = CellSets(hex_path, frame) if hex_path.is_file() else None
-    surface, patches = _bond(surface, folder / "attachments.json", cell_sets, frame)
-    muscles, notes = _muscles(_fibre_lines(folder, frame), surface, cell_sets, radius)
+    notes: list[str] = [repair] if repair else []
+    patches: list[str] = []
+    spine: Floats | None = None
+    if frame.muscles == "built-in":
+        with within(tongue[0]):
+            carried = CarriedOver(seen, surface, bonded=not attachments.exists())
+        muscles, surface, spine = carried.muscles, carried.surface, carried.genial_spine
+        notes += carried.notes
+    if frame.muscles != "built-in" or attachments.exists():
+        surface, patches = _bond(surface, attachments, cell_sets, frame)
+    if frame.muscles != "built-in":
+        muscles, said = _muscles(_fibre_lines(folder, frame), surface, cell_sets, radius)
+        notes += said
     if frame.genial_spine is not None:
         spine = frame.metres(frame.genial_spine)[0]
-    else:
+    elif spine is None:
         starts = [np.mean([line[0] for line in m.fibres.lines], axis=0) for m in muscles.values() if m.name.startswith("GG")]
         spine = np.mean(starts, axis=0) * (1, 0, 1) if starts else np.zeros(3)
     bones = {p.stem: _bone(frame.surface(p), p) for p in surfaces if p not in tongue and p.name not in patches}
-    return Anatomy(folder.name, surface, muscles, spine, bones, notes=[note for note in (repair, *notes) if note])
+    return Anatomy(folder.name, surface, muscles, spine, bones, notes=notes)
+
+
+def _wrong_size(points: Floats) -> str:
+    """What is wrong with the size of a surface, and the unit in which it would be a tongue's."""
+    size, around, unit = float(np.ptp(points, axis=0).max()), 1e6 * hull(points), likely_unit(points)
+    return (
+        f"the surface is {size:g} m long, with {around:.3g} cm³ in its convex hull; a tongue of {LENGTH[0]:g} to {LENGTH[1]:g} m and "
+        f"{1e6 * HULL[0]:g} to {1e6 * HULL[1]:g} cm³ is expected, so state its unit in frame.toml (unit = {unit!r} "
+    ) + ("would make it one)." if isinstance(unit, str) else "would make it as large as the built-in tongue).")
 
 
 def _bone(surface: Surface, path: Path) -> Surface:

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: MIT
 """Surfaces, fibres, obstacles and rigid motions, in numbers."""
 
-__all__ = ["fibre_bundle", "fibre_direction", "obstacles", "polyline", "rigid_motion", "surface", "tetrahedron"]
+__all__ = ["fibre_bundle", "fibre_direction", "obstacles", "polyline", "registration", "rigid_motion", "surface", "tetrahedron"]

@@ -191,11 +191,11 @@ def read_surface(path: Path) -> Surface:
     return Surface.from_pyvista(mesh)
 
 
-def close_surface(surface: Surface, source: Path, within: float = 0.0) -> tuple[Surface, str | None]:
+def close_surface(surface: Surface, source: Path, within: float = 0.0, *, cap: bool = False) -> tuple[Surface, str | None]:
     """Make a surface a closed, outward-oriented manifold that does not cross itself, or say why it is not one.
 
     Edges shared by more than two triangles are repaired with pymeshfix, and triangles that cross each other if that is asked for; holes are
-    not filled, because a guessed patch would be anatomy that nobody measured.
+    filled only if that is asked for, because a guessed patch is anatomy that nobody measured.
 
     Parameters
     ----------
@@ -205,6 +205,8 @@ def close_surface(surface: Surface, source: Path, within: float = 0.0) -> tuple[
         Where from.
     within : float
         How far, in m, a repair of crossing triangles may move the surface; 0 for no such repair.
+    cap : bool
+        Fill holes.
 
     Returns
     -------
@@ -216,13 +218,19 @@ def close_surface(surface: Surface, source: Path, within: float = 0.0) -> tuple[
     InputError
         If the surface is open, it crosses itself farther than may be repaired, or the repair changes the volume by more than 1 %.
     """
-    sharing = surface.edge_sharing()
-    if np.any(sharing == 1):
-        raise InputError(
-            f"{source}: the surface is open ({int(np.sum(sharing == 1))} edges belong to one triangle only); "
-            "a closed surface is needed, so close its holes in the tool that made it."
-        )
     notes = []
+    n_open = int(np.sum(surface.edge_sharing() == 1))
+    if n_open and not cap:
+        raise InputError(
+            f"{source}: the surface is open ({n_open} edges belong to one triangle only); a closed one is needed, so close its holes in "
+            "the tool that made it, or state cap = true in frame.toml."
+        )
+    if n_open:
+        closed = _filled(surface)
+        more = 1e4 * (closed.area - surface.area)
+        notes.append(f"{source.name}: what {n_open} edges left open was closed by {more:.1f} cm² that nobody measured.")
+        surface = closed
+    sharing = surface.edge_sharing()
     if np.any(sharing > 2):
         fault = f"{int(np.sum(sharing > 2))} edges are shared by more than two triangles"
         surface, note = _mend(surface, source, fault)
@@ -249,6 +257,19 @@ def close_surface(surface: Surface, source: Path, within: float = 0.0) -> tuple[
         surface = Surface(surface.points, surface.triangles[:, ::-1].copy(), surface.labels)
         notes.append(f"{source.name}: the normals pointed inward and were turned.")
     return surface, " ".join(notes) or None
+
+
+def _filled(surface: Surface) -> Surface:
+    """The surface with its holes filled, by triangles as large as those beside them."""
+    import pymeshfix
+
+    mesh = pymeshfix.PyTMesh()
+    mesh.set_quiet(True)
+    with quiet():
+        mesh.load_array(surface.points, surface.triangles.astype(np.int32))
+        mesh.fill_small_boundaries(0, True)
+        vertices, faces = mesh.return_arrays()
+    return Surface(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64))
 
 
 def _mend(surface: Surface, source: Path, fault: str) -> tuple[Surface, str]:

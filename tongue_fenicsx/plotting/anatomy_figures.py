@@ -23,6 +23,8 @@ COLOURS = {
 OTHER = "#999999"
 LEFT, FRONT, OBLIQUE = (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (-1.0, -0.9, 0.45)
 SOFT = ("velum", "pharynx")
+OUTSIDE = 10.0
+"""In mm, how far out of the tongue fibres are drawn that come from far."""
 
 
 def draw_muscles(anatomy: Anatomy, path: Path) -> Path:
@@ -101,12 +103,12 @@ def _tongue(anatomy: Anatomy) -> pv.PolyData:
     return anatomy.surface.to_pyvista().scale(1e3, inplace=False).smooth_taubin(n_iter=20)
 
 
-def _picture(plotter: pv.Plotter, anatomy: Anatomy, view: tuple[float, ...], margin: float) -> Floats:
+def _picture(plotter: pv.Plotter, seen: Floats, view: tuple[float, ...], margin: float) -> Floats:
+    """What stands around points (n, 3) in mm, with a margin in mm."""
     plotter.enable_parallel_projection()
     plotter.view_vector(view, viewup=(0, 0, 1))
-    bounds = 1e3 * anatomy.surface.points
-    plotter.camera.focal_point = (bounds.min(axis=0) + bounds.max(axis=0)) / 2 + np.array([0, 0, margin / 6])
-    plotter.camera.parallel_scale = np.ptp(bounds, axis=0).max() / 2 + margin
+    plotter.camera.focal_point = (seen.min(axis=0) + seen.max(axis=0)) / 2 + np.array([0, 0, margin / 6])
+    plotter.camera.parallel_scale = np.ptp(seen, axis=0).max() / 2 + margin
     plotter.enable_anti_aliasing("ssaa")
     return np.asarray(plotter.screenshot(return_img=True))
 
@@ -119,7 +121,7 @@ def _together(anatomy: Anatomy, names: list[str], view: tuple[float, ...]) -> Fl
                 line for muscle in _sides(anatomy, name) if not muscle.name.endswith("_R") or view == FRONT for line in muscle.fibres.lines
             ]
             plotter.add_mesh(_tubes(anatomy, lines, 0.55), color=COLOURS.get(name, OTHER), smooth_shading=True)
-        return _picture(plotter, anatomy, view, 4.0)
+        return _picture(plotter, _seen(anatomy), view, 2.0)
 
 
 def _alone(anatomy: Anatomy, name: str, region: pv.PolyData, view: tuple[float, ...]) -> Floats:
@@ -130,19 +132,27 @@ def _alone(anatomy: Anatomy, name: str, region: pv.PolyData, view: tuple[float, 
             plotter.add_mesh(region, color=colour, opacity=0.45, smooth_shading=True)
         lines = [line for muscle in _sides(anatomy, name) for line in muscle.fibres.lines]
         plotter.add_mesh(_tubes(anatomy, lines, 0.4), color=colour)
-        return _picture(plotter, anatomy, view, 2.0)
+        return _picture(plotter, _seen(anatomy), view, 1.0)
 
 
 def _tubes(anatomy: Anatomy, lines: list[Floats], radius: float) -> pv.PolyData:
-    """Fibres as tubes in mm; those that come from far are cut 15 mm outside the tongue."""
-    lower, upper = anatomy.surface.points.min(axis=0) - 15e-3, anatomy.surface.points.max(axis=0) + 15e-3
-    pieces = pv.MultiBlock()
-    for line in lines:
-        near = 1e3 * _resample(line)
-        near = near[np.all((near > 1e3 * lower) & (near < 1e3 * upper), axis=1)]
-        if len(near) > 1:
-            pieces.append(pv.lines_from_points(near))
-    return pieces.combine().extract_surface(algorithm=None).tube(radius=radius, n_sides=8)
+    """Fibres as tubes in mm."""
+    pieces = [near for line in lines if len(near := _near(anatomy, line)) > 1]
+    together = pv.MultiBlock([pv.lines_from_points(near) for near in pieces]).combine()
+    return together.extract_surface(algorithm=None).tube(radius=radius, n_sides=8)
+
+
+def _near(anatomy: Anatomy, line: Floats) -> Floats:
+    """A fibre in mm, cut where it comes from far outside."""
+    lower, upper = 1e3 * anatomy.surface.points.min(axis=0) - OUTSIDE, 1e3 * anatomy.surface.points.max(axis=0) + OUTSIDE
+    points = 1e3 * _resample(line)
+    return np.asarray(points[np.all((points > lower) & (points < upper), axis=1)])
+
+
+def _seen(anatomy: Anatomy) -> Floats:
+    """All that pictures of muscles show, as points (n, 3) in mm."""
+    lines = [line for muscle in anatomy.muscles.values() for line in muscle.fibres.lines]
+    return np.vstack([1e3 * anatomy.surface.points, *(_near(anatomy, line) for line in lines)])
 
 
 def _resample(line: Floats) -> Floats:
@@ -167,4 +177,4 @@ def _scene(anatomy: Anatomy, view: tuple[float, ...], cut: bool) -> Floats:
             colour = "#c98d85" if any(word in name for word in SOFT) else "#f7f3e3" if "teeth" in name else "#d9c59b"
             opacity = 1.0 if cut or (view == OBLIQUE and not sheet) else 0.45
             add(bone.to_pyvista().scale(1e3, inplace=False), color=colour, opacity=opacity, culling=None if cut or sheet else "back")
-        return _picture(plotter, anatomy, view, 24.0)
+        return _picture(plotter, 1e3 * anatomy.surface.points, view, 24.0)
