@@ -178,6 +178,11 @@ def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFix
     """The whole command leaves the whole run folder; a folder in the way is refused before anything starts."""
     code, text = tongue(capsys, "check", scenario)
     assert (code, f"GGP: 0 ms: 0, 100 ms: 1, at most {CALKA_STRESS['GGP'] / 1e3:g} kPa" in text) == (0, True), text
+    _, text = tongue(capsys, "check", scenario, "--set", "time.end=0.2")
+    rise = next(line for line in text.splitlines() if "▁" in line).strip()
+    assert list(rise) == sorted(rise)
+    assert rise[-1] == "█"
+    assert "unknowns: some" in text
     folder = tmp_path / "run"
     code, text = tongue(capsys, "run", scenario, "-o", folder, "--set", "time.step=0.005")
     assert code == 0, text

@@ -5,9 +5,15 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..options import Changes, ScenarioFile
 from ..terminal import console
+
+if TYPE_CHECKING:
+    from ...mechanics.activation import Course
+
+BLOCKS, WIDTH = " ▁▂▃▄▅▆▇█", 60
 
 
 def check(scenario: ScenarioFile, changes: Changes = None) -> None:
@@ -21,6 +27,7 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
     from ...forms.weak_form import WeakForm
     from ...mechanics.hyperelasticity import numbers
     from ...scenario import build as assemble
+    from ...scenario import effort
     from ...scenario.remarks import remarks
 
     with tempfile.TemporaryDirectory() as folder, within(scenario):
@@ -28,7 +35,7 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
         courses = assemble.activation_of(loaded)
         model, tongue = simulation.model, simulation.model.tongue
         stresses = {name: peak_stress(resolve(name, tongue.muscles, name), model.tissue.peak_stress) for name in courses}
-        WeakForm(model, [])  # is the tongue at rest outside the obstacles?
+        space = WeakForm(model, []).V  # and is the tongue at rest outside the obstacles?
     n_cells = tongue.mesh.topology.index_map(3).size_global
     console.print(f"{scenario} is fine: {tongue.name}, {n_cells} tetrahedra, surfaces {', '.join(sorted(tongue.surfaces))}")
     tissue = model.tissue
@@ -37,10 +44,20 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
     for name, course in courses.items():
         ends = ", ".join(f"{1e3 * t:g} ms: {course(t):.2g}" for t in [0.0, *course.kinks])
         console.print(f"{name}: {ends}, at most {max(stresses[name].values()) / 1e3:g} kPa")
+        console.print(f"  {_drawn(course, loaded.time.end)}", highlight=False)
     for name, motion in model.moving.items():
         console.print(f"{name} moves until {1e3 * max(motion.kinks):g} ms")
     for name, contact in model.contacts.items():
         console.print(f"contact with {name}: {contact.form}")
     for remark in remarks(simulation, courses, loaded.time.end):
         console.print(f"note: {remark}")
-    console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * simulation.stepping.longest:g} ms")
+    longest, n = simulation.stepping.longest, 3 * space.dofmap.index_map.size_global
+    console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * longest:g} ms")
+    seconds = effort.seconds(n, loaded.time.end, longest, bool(model.contacts))
+    time = f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.2g} min"
+    console.print(f"{n} unknowns: some {time} on one core, give or take a factor of two, and {effort.memory(n):.1f} GiB")
+
+
+def _drawn(course: Course, t_end: float) -> str:
+    """A course of activation over the time of the run, in blocks of an eighth."""
+    return "".join(BLOCKS[round(8 * min(max(course(t_end * i / (WIDTH - 1)), 0.0), 1.0))] for i in range(WIDTH))
