@@ -97,7 +97,7 @@ def test_what_a_picture_says(run: tf.Run, field: str, label: str, view: str | No
     with stage(run, field, run.output_times, view) as (figure, show):
         show(0.0075)
         texts = [text.get_text() for text in figure.texts]
-        assert texts == ["parametric tongue: GGP", "8 ms"]
+        assert texts == [f"{run.folder.name}: GGP (parametric tongue)", "8 ms"]
         assert label in {axes.get_ylabel() for axes in figure.axes}
 
 

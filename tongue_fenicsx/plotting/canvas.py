@@ -28,9 +28,10 @@ BACKWARD = "← front    x in mm    back →"
 
 
 def title_of(run: Run) -> str:
-    """Name of the tongue and the muscles that moved it."""
+    """Name of the run, the muscles that moved it, and whose tongue it is."""
     muscles = sorted({base_name(name) for name, level in run.activation.items() if level.any()})
-    return f"{run.summary.get('name', Path(str(run)).name)}: {', '.join(muscles) or 'no active muscle'}"
+    tongue = f" ({run.summary['name']})" if "name" in run.summary else ""
+    return f"{Path(str(run)).name}: {', '.join(muscles) or 'no active muscle'}{tongue}"
 
 
 def curves(lines: Floats, **style: Any) -> LineCollection:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from ..analysis.electropalatogram import ELECTRODES
@@ -62,7 +63,7 @@ def draw_midsagittal(run: Run, index: int | None = None) -> Path:
     left.autoscale_view()
     if run.contact:  # bones reach far
         (x, _, z), (x_end, _, z_end) = (f(np.vstack([rest.points, deformed.points]), axis=0) for f in (np.min, np.max))
-        left.set(xlim=(x - 8, x_end + 8), ylim=(z - 8, z_end + 12))
+        left.set(xlim=(x - 13, x_end + 13), ylim=(z - 8, z_end + 12))
     figure.colorbar(image, ax=[left, right], label="displacement in mm", shrink=0.8)
     figure.suptitle(title_of(run))
     figure.get_layout_engine().set(h_pad=0.1)
@@ -90,6 +91,8 @@ def draw_trajectories(run: Run) -> Path:
     above, below = figure.subfigures(2, 1, height_ratios=[1, 1.1])
     over_time, speeds, bends = below.subplots(1, 3)
     t = 1e3 * run.time
+    reach = 0.55e3 * max(float(np.ptp(run.probes[name][:, [0, 2]], axis=0).max()) for name in names) + 0.1
+    handles = []
     for colour, name, plane in zip(cycle(PATHS), names, above.subplots(1, len(names), squeeze=False)[0], strict=False):
         place = run.rest[name] + run.probes[name]
         speed, curvature = motion(run.time, place)
@@ -97,19 +100,21 @@ def draw_trajectories(run: Run) -> Path:
         plane.plot(x, z, ".-", color=colour, markersize=2.5, linewidth=1)
         plane.plot(x[0], z[0], "k+", x[-1], z[-1], "ko", markersize=5)
         plane.set(title=f"{name}: from rest (+) to the end (•)", xlabel=BACKWARD, ylabel="z in mm")
-        plane.set_aspect("equal", adjustable="datalim")
+        (across, up) = ((c.min() + c.max()) / 2 for c in (x, z))
+        plane.set(aspect="equal", xlim=(across - reach, across + reach), ylim=(up - reach, up + reach))
         plane.grid(alpha=0.3)
-        over_time.plot(t, x - x[0], color=colour, label=f"{name}, backward")
-        over_time.plot(t, z - z[0], "--", color=colour, label=f"{name}, upward")
-        speeds.plot(t, 1e2 * speed, color=colour, label=name)
-        bends.semilogy(t, curvature, ".", color=colour, markersize=3, label=name)
-    over_time.set(title="displacement", ylabel="mm")
+        handles += over_time.plot(t, x - x[0], color=colour, label=name)
+        over_time.plot(t, z - z[0], "--", color=colour)
+        speeds.plot(t, 1e2 * speed, color=colour)
+        bends.semilogy(t, curvature, ".", color=colour, markersize=3)
+    ways = [Line2D([], [], color="0.3", linestyle=style, label=way) for style, way in (("-", "backward"), ("--", "upward"))]
+    below.legend(handles=handles + ways, loc="outside lower center", ncols=len(handles) + 2, frameon=False)
+    over_time.set(title="displacement, backward and upward", ylabel="mm")
     speeds.set(title="tangential speed", ylabel="cm/s", ylim=(0, None))
     bends.set(title=f"curvature, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")
     for axes in (over_time, speeds, bends):
         axes.set(xlabel="time in ms", xlim=(0, t[-1]))
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
     figure.suptitle(title_of(run))
     return _save(figure, run, "trajectories")
 
@@ -134,7 +139,8 @@ def draw_electropalatogram(run: Run, record: Electropalatogram) -> Path:
     """The electropalatograms from first to last contact, front at the top; where the electrodes lie; how many are on over time."""
     touched = np.flatnonzero(record.on.any(axis=1))
     first, last = (touched[0], touched[-1]) if len(touched) else (0, len(record.time) - 1)
-    moments = np.unique(np.linspace(max(first - 1, 0), min(last + 1, len(record.time) - 1), FRAMES).round().astype(int))
+    first, last = max(first - 1, 0), min(last + 1, len(record.time) - 1)
+    moments = np.arange(first, last + 1, -(-(last + 1 - first) // FRAMES))
     columns = FRAMES // 2
     rows = -(-len(moments) // columns)
     figure = Figure(figsize=(13, 3.6 + 1.3 * rows), layout="constrained")

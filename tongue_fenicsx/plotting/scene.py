@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from ..analysis.moments import field_at, obstacles_at, pose_at
 from ..analysis.tongue_grid import cut, grids, mid_plane, outline, section, skin
 from ..core.types import Floats
+from ..geometry.surface import Surface
 from ..runs.run import Run
 from ..simulation import fields  # noqa: F401  registers units and labels
 from ..simulation.quantities import FIELDS
@@ -33,6 +34,8 @@ VIEWS = {
     "oblique": ((-1.2, -1.0, 0.55), (0.0, 0.0, 1.0)),
 }
 """Where the eye is, and what points up."""
+APART = 0.6
+"""How far off the tongue bones are drawn in space, in mm."""
 IN_UNITS = {"1": (1.0, ""), "m": (1e3, "mm"), "m/s": (1e2, "cm/s"), "Pa": (1e-3, "kPa")}
 """Unit of a field to factor and unit in pictures."""
 
@@ -77,6 +80,14 @@ def _colours(field: str, values: Floats) -> ScalarMappable:
     return ScalarMappable(Normalize(0 if 0 <= low < high / 2 or low == high else low, max(high, low + 1e-6)), COLOURS)
 
 
+def _apart(bone: Surface) -> pv.PolyData:
+    """A bone in mm, drawn off the tongue: where it touches, the tongue is a little in it, and would come through it in blotches."""
+    mesh = bone.to_pyvista().scale(1e3, inplace=False)
+    normals = mesh.compute_normals(cell_normals=False, auto_orient_normals=False, consistent_normals=False, split_vertices=False)
+    mesh.points -= APART * normals.point_data["Normals"]  # which point to where tissue may be
+    return mesh
+
+
 @dataclass(frozen=True)
 class Scene:
     """What all pictures of a run share: the rest shape, colours, and the room that the tongue needs, in mm."""
@@ -104,7 +115,7 @@ class Scene:
             plotter.add_mesh(skin(self.rest), color="gray", opacity=0.3, culling="front", **smooth)
             bones = {}
             for name, surface in self.run.obstacles_at_rest.items():
-                bone = surface.to_pyvista().scale(1e3, inplace=False)
+                bone = _apart(surface)
                 bones[name] = plotter.add_mesh(bone, color=BONE, opacity=0.35, culling="front" if bone.n_open_edges else "back", **smooth)
             self._look(plotter, view)
             image = figure.figimage(np.full((HEIGHT, WIDTH, 3), 255, dtype=np.uint8))
