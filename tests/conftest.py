@@ -170,7 +170,7 @@ def browser() -> Iterator[Browser]:
         pytest.skip("Chromium and its driver are not installed")
     opened: dict[tuple[str, ...], Any] = {}
 
-    def browse(path: Path, *flags: str) -> Any:
+    def browse(page: Path | str, *flags: str) -> Any:
         if flags not in opened:
             options = selenium.ChromeOptions()
             options.binary_location = chromium
@@ -179,7 +179,7 @@ def browser() -> Iterator[Browser]:
                 options.add_argument(flag)
             options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
             opened[flags] = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
-        opened[flags].get(path.as_uri())
+        opened[flags].get(page if isinstance(page, str) else page.as_uri())
         return opened[flags]
 
     yield browse

@@ -17,6 +17,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -219,6 +220,43 @@ def test_served_page() -> None:
         ask("http://elsewhere.example")
     with pytest.raises(InputError, match=r"--port \d+: cannot be had"):
         serve(b"", int(address.rstrip("/").rpartition(":")[2]), False, told.put, lambda text: {})
+
+
+def test_check_with_the_full_model(tmp_path: Path, browser: Browser) -> None:
+    """The button asks with a scenario, and says how far apart the paths are that come back; or what went wrong."""
+    bare = any_tongue()
+    told = {"doubt": 0.7, "rest": {"tip": [0.01, 0, 0]}, "tissue": {"preset": "buchaillard"}, "mesh": "coarse", "runs": 2, "contact": []}
+    tongue = ReducedTongue(bare.points, bare.cells, bare.modes, bare.weights, MUSCLES, {}, told)
+    address: queue.Queue[str] = queue.Queue()
+
+    def above(text: str) -> dict[str, Any]:
+        """What the reduced tongue does itself, but 1 mm higher; at the second time of asking an error."""
+        if (tmp_path / "asked.toml").exists():
+            return {"error": "the model diverged"}
+        (tmp_path / "asked.toml").write_text(text)
+        courses, path = {name: part.course() for name, part in load(tmp_path / "asked.toml").activation.items()}, []
+        tongue.reset()
+        for t in (0.0, 0.1, 0.15):
+            if t:
+                tongue.step({name: courses[name](t) for name in courses}, t - tongue.time)
+            path.append((1e3 * (tongue.points + tongue.displacement())[1] + [0, 0, 1]).tolist())
+        return {"folder": "runs/live-1", "seconds": 12.3, "time": [0.0, 0.1, 0.15], "paths": {"tip": path}}
+
+    threading.Thread(target=serve, args=(live_page(tongue), 0, False, address.put, above), daemon=True).start()
+    window = browser(address.get(timeout=10))
+
+    def said() -> str:
+        window.find_element("id", "check").click()
+        for _ in range(100):
+            text = str(window.find_element("id", "checked").text)
+            if text and not text.startswith("The full model runs"):
+                return text
+            window.execute_async_script("setTimeout(arguments[0], 50)")
+        raise TimeoutError(text)
+
+    assert said() == "The full model took 12 s (runs/live-1, dotted). Mean distance: tip 1.00 mm."
+    window.execute_script("document.getElementById('checked').textContent = ''")
+    assert said() == "the model diverged"
 
 
 SWEEP = """
