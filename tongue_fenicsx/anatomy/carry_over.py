@@ -122,6 +122,5 @@ def _share_inside(bundle: FibreBundle, surface: Surface) -> float:
 
 def _other_side(name: str) -> str:
     """The muscle of the other side, or itself."""
-    swapped = {"L": "R", "R": "L"}
     base, _, side = name.partition("_")
-    return f"{base}_{swapped[side]}" if side else name
+    return f"{base}_{'R' if side == 'L' else 'L'}" if side else name

@@ -6,11 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from ..core.types import Floats
 from ..geometry.fibre_direction import angle_between
+from ..geometry.registration import Similarity
 from .anatomy import Anatomy, measure
 
 
@@ -36,33 +36,14 @@ class Agreement:
     volume_ratio: float
 
 
-class Alignment:
-    """The similarity in the mid-sagittal plane that lays genial spine, tip and root of one tongue on those of another.
+def align(source: Anatomy, target: Anatomy) -> Similarity:
+    """The similarity in the mid-sagittal plane that lays genial spine, tip and root of one tongue on those of another."""
 
-    Parameters
-    ----------
-    source, target : Anatomy
-        Points of `source` are mapped onto `target`.
-    """
+    def frame(anatomy: Anatomy) -> Floats:
+        landmarks = measure(anatomy.surface, anatomy.genial_spine).landmarks
+        return np.array([anatomy.genial_spine, landmarks["tip"], landmarks["root"]]) * (1, 0, 1)
 
-    def __init__(self, source: Anatomy, target: Anatomy) -> None:
-        def frame(anatomy: Anatomy) -> Floats:
-            landmarks = measure(anatomy.surface, anatomy.genial_spine).landmarks
-            return np.array([anatomy.genial_spine, landmarks["tip"], landmarks["root"]]) * (1, 0, 1)
-
-        a, b = frame(source), frame(target)
-        self._from, self._to = a.mean(axis=0), b.mean(axis=0)
-        a, b = a - self._from, b - self._to
-        self._rotation = Rotation.align_vectors(b, a)[0]
-        self.scale = float(np.sum(self._rotation.apply(a) * b) / np.sum(a**2))
-
-    def forward(self, points: Floats) -> Floats:
-        """Points (n, 3) of the source in the target's frame."""
-        return np.asarray(self.scale * self._rotation.apply(points - self._from) + self._to)
-
-    def backward(self, points: Floats) -> Floats:
-        """The inverse of `forward`."""
-        return np.asarray(self._rotation.apply((points - self._to) / self.scale, inverse=True) + self._from)
+    return Similarity.between(frame(source), frame(target))
 
 
 def compare(anatomy: Anatomy, reference: Anatomy, spacing: float = 1.25e-3) -> dict[str, Agreement]:
@@ -83,7 +64,7 @@ def compare(anatomy: Anatomy, reference: Anatomy, spacing: float = 1.25e-3) -> d
     common = [name for name in anatomy.muscles if name in reference.muscles]
     if not common:
         raise InputError(f"{reference.name}: has no muscle in common with {anatomy.name}.")
-    alignment = Alignment(reference, anatomy)
+    alignment = align(reference, anatomy)
     axes = [np.arange(low, high, spacing) for low, high in zip(*_bounds(anatomy, reference, alignment), strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     here, there = grid[anatomy.surface.contains(grid)], alignment.backward(grid)
@@ -108,6 +89,6 @@ def compare(anatomy: Anatomy, reference: Anatomy, spacing: float = 1.25e-3) -> d
     return found
 
 
-def _bounds(anatomy: Anatomy, reference: Anatomy, alignment: Alignment) -> tuple[Floats, Floats]:
+def _bounds(anatomy: Anatomy, reference: Anatomy, alignment: Similarity) -> tuple[Floats, Floats]:
     points = np.vstack([anatomy.surface.points, alignment.forward(reference.surface.points)])
     return points.min(axis=0), points.max(axis=0)

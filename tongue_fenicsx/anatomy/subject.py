@@ -224,9 +224,9 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
             carried = CarriedOver(seen, surface, bonded=not attachments.exists())
         muscles, surface, spine = carried.muscles, carried.surface, carried.genial_spine
         notes += carried.notes
-    if frame.muscles != "built-in" or attachments.exists():
+    if frame.muscles == "measured" or attachments.exists():
         surface, patches = _bond(surface, attachments, cell_sets, frame)
-    if frame.muscles != "built-in":
+    if frame.muscles == "measured":
         muscles, said = _muscles(_fibre_lines(folder, frame), surface, cell_sets, radius)
         notes += said
     if frame.genial_spine is not None:
