@@ -18,6 +18,7 @@ import pytest
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
+from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import activation_of
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.studies import fit_file, fitting, goals, openness
@@ -63,6 +64,24 @@ def test_a_twin() -> None:
     again = bar.run(found.activation, 0.05)
     away = [np.sqrt(np.mean(np.sum((1e3 * (again.probes[n] - run.probes[n])[1:]) ** 2, axis=1))) for n in paths]
     np.testing.assert_allclose(list(found.distance.values()), away, rtol=1e-3)
+
+
+def test_a_guess_is_a_twin_of_the_reduced_tongue() -> None:
+    """What it did itself it finds again, over time and held; a bound that holds already asks for nothing."""
+    tongue, knots = ReducedTongue.shipped(), np.array([0.0, 0.1, 0.2])
+    truth = {"GGP": [0.0, 0.4, 0.2], "SL": [0.0, 0.1, 0.3], "MH": [0.0, 0.3, 0.3]}
+    times = np.linspace(0.0, 0.2, 9)
+    levels = np.column_stack([np.interp(times, knots, truth.get(name, [0.0, 0.0, 0.0])) for name in tongue.muscles])
+    nodes = {name: int(np.linalg.norm(tongue.points - place, axis=1).argmin()) for name, place in tongue.told["rest"].items()}
+    u = tongue.displacement(tongue.sequence(times, levels)[0])
+    paths = {name: goals.Track(times, u[:, node], name) for name, node in nodes.items()}
+    probes = {name: tongue.points[node] for name, node in nodes.items()}
+    search = fitting.Search(paths, list(truth), knots, effort=0.0, haste=0.0)
+    for name, found in fitting.guess(tongue, search, probes, tries=2).items():
+        np.testing.assert_allclose(found, truth[name], atol=0.02, err_msg=name)
+    still = fitting.Search({"tip": goals.Within("tip", np.full(3, -5.0), np.full(3, 5.0))}, list(truth), knots, hold=True, effort=1.0)
+    for found in fitting.guess(tongue, still, probes, tries=1).values():
+        np.testing.assert_allclose(found, 0.0, atol=1e-6)
 
 
 @pytest.mark.slow

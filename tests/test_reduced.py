@@ -77,6 +77,18 @@ def test_rest_and_hold() -> None:
     assert (one.time, one.doubt, abs(one.coordinates).max()) == (0.0, 0.0, 0.0)
 
 
+def test_many_at_once() -> None:
+    """Runs at once are those one by one; of some nodes the displacement is that of all, out of walls too."""
+    tongue = ReducedTongue.shipped()
+    time, random = np.array([0.0, 0.02, 0.033, 0.1]), np.random.default_rng(0)
+    levels = random.uniform(0, 0.6, (4, 3, len(tongue.muscles))) * np.array([0, 1, 1, 1])[:, None, None]
+    together = tongue.sequences(time, levels)
+    for run in range(3):
+        np.testing.assert_allclose(together[:, run], tongue.sequence(time, levels[:, run])[0], atol=1e-12)
+    nodes = np.array([17, 4000, 3, 250])
+    np.testing.assert_allclose(tongue.displacement(together, nodes), tongue.displacement(together)[..., nodes, :], atol=1e-15)
+
+
 def test_a_long_step_is_many(tmp_path: Path) -> None:
     """And a tongue that was saved is the same within the digits of the file."""
     one, other = any_tongue(), any_tongue()

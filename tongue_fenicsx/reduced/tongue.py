@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,15 @@ SUFFIX = ".npz"
 SHIPPED = Path(__file__).with_name("data")
 STEP = 5e-3
 """Longest step in s; a longer one is taken in several."""
+
+
+@dataclass
+class _Memory:
+    """Of each network and run: levels, functions of them, and what is kept of these, of each layer."""
+
+    levels: Floats
+    seen: list[Floats]
+    kept: list[Floats]
 
 
 class ReducedTongue:
@@ -138,12 +148,9 @@ class ReducedTongue:
 
     def reset(self) -> None:
         """Back to rest, with all muscles relaxed."""
-        n = len(self.weights["V"])
         self.time, self.doubt = 0.0, 0.0
         self.coordinates = np.zeros(len(self.modes))
-        self._levels = np.zeros((n, 1, len(self.muscles)))
-        self._seen = [np.zeros((n, 1, tau.shape[-1])) for tau in self._taus]
-        self._memories = [np.zeros_like(seen) for seen in self._seen]
+        self._memory = self._at_rest(1)
 
     def check(self, muscle: str) -> None:
         """Refuse a muscle that it does not have.
@@ -182,32 +189,39 @@ class ReducedTongue:
             self.check(name)
             if not 0 <= level <= 1:
                 raise InputError(f"levels.{name}: {level}; an activation from 0 to 1 is expected.")
-        target = np.array([levels.get(name, 0.0) for name in self.muscles])
-        start, n = self._levels.copy(), int(np.ceil(dt / STEP - 1e-9))
-        for i in range(1, n + 1):
-            self._advance(start + (target - start) * (i / n), dt / n)
-        return self.coordinates
-
-    def _advance(self, levels: Floats, h: float) -> None:
-        everything = levels
-        for i, tau in enumerate(self._taus):
-            seen = features(self.weights, i + 1, everything)
-            self._memories[i] = fade(tau, self._memories[i], self._seen[i], seen, h)
-            self._seen[i] = seen
-            everything = np.concatenate([everything, self._memories[i]], axis=-1)
-        answers = answer(self.weights, everything)[:, 0]
-        self._levels, self.time = levels, self.time + h
+        answers = self._follow(self._memory, np.array([levels.get(name, 0.0) for name in self.muscles]), dt)[:, 0]
+        self.time += dt
         self.coordinates = answers.mean(axis=0)
         self.doubt = self.told.get("doubt", 1.0) * float(np.sqrt(((answers - self.coordinates) ** 2).sum(axis=1).mean()))
+        return self.coordinates
 
-    def displacement(self, coordinates: Floats | None = None) -> Floats:
-        """Displacement in m of all nodes, (…, n_nodes, 3), for coordinates (…, n_modes) in mm; by default the present ones."""
+    def _at_rest(self, n_runs: int) -> _Memory:
+        shape = len(self.weights["V"]), n_runs
+        nothing = [np.zeros((*shape, tau.shape[-1])) for tau in self._taus]
+        return _Memory(np.zeros((*shape, len(self.muscles))), nothing, [seen.copy() for seen in nothing])
+
+    def _follow(self, memory: _Memory, target: Floats, dt: float) -> Floats:
+        """What the networks answer, (n_networks, n_runs, n_modes), after `dt` seconds to levels (n_runs, n_muscles); they remember."""
+        start, n = memory.levels, int(np.ceil(dt / STEP - 1e-9))
+        for k in range(1, n + 1):
+            everything = memory.levels = start + (target - start) * (k / n)
+            for i, tau in enumerate(self._taus):
+                seen = features(self.weights, i + 1, everything)
+                memory.kept[i] = fade(tau, memory.kept[i], memory.seen[i], seen, dt / n)
+                memory.seen[i] = seen
+                everything = np.concatenate([everything, memory.kept[i]], axis=-1)
+        return np.asarray(answer(self.weights, everything))
+
+    def displacement(self, coordinates: Floats | None = None, nodes: Ints | None = None) -> Floats:
+        """Displacement in m of nodes (n,), by default all, (…, n, 3), for coordinates (…, n_modes) in mm, by default the present ones."""
         q = self.coordinates if coordinates is None else coordinates
-        u = (q @ self.modes.reshape(len(self.modes), -1)).reshape(*q.shape[:-1], *self.points.shape)
+        some = slice(None) if nodes is None else nodes
+        points, skin = self.points[some], self.skin if nodes is None else np.flatnonzero(np.isin(nodes, self.skin))
+        u = (q @ self.modes[:, some].reshape(len(self.modes), -1)).reshape(*q.shape[:-1], *points.shape)
         if self.room is not None:
-            rest = 1e3 * self.points[self.skin]
-            places = rest + u[..., self.skin, :]
-            u[..., self.skin, :] = self.room.clear(places.reshape(-1, 3)).reshape(places.shape) - rest
+            rest = 1e3 * points[skin]
+            places = rest + u[..., skin, :]
+            u[..., skin, :] = self.room.clear(places.reshape(-1, 3)).reshape(places.shape) - rest
         return 1e-3 * u
 
     def sequence(self, time: Floats, levels: Floats) -> tuple[Floats, Floats]:
@@ -218,3 +232,9 @@ class ReducedTongue:
             self.step(dict(zip(self.muscles, map(float, levels[i]), strict=True)), time[i] - time[i - 1])
             coordinates[i], doubt[i] = self.coordinates, self.doubt
         return coordinates, doubt
+
+    def sequences(self, time: Floats, levels: Floats) -> Floats:
+        """Coordinates (n_t, n_runs, n_modes) in mm of many runs at once, for levels (n_t, n_runs, n_muscles)."""
+        memory = self._at_rest(levels.shape[1])
+        answers = [self._follow(memory, levels[i], time[i] - time[i - 1]).mean(axis=0) for i in range(1, len(time))]
+        return np.stack([np.zeros_like(answers[0]), *answers])

@@ -18,8 +18,8 @@ from ..reduced.tongue import ReducedTongue
 from ..simulation.simulation import Simulation, resolve_sides
 from .goals import Goal, Goals, Track, Within
 
-GUESS_STEP, GUESS_ITERATIONS = 0.025, 25
-"""Steps in s and iterations of a search with the reduced tongue."""
+GUESS_STEP, GUESS_ITERATIONS, NUDGE = 0.025, 60, 1e-5
+"""Of a search with the reduced tongue: steps in s, iterations, and by how much a level is moved to see what that does."""
 NEAR = 2e-3
 """In m: how far a probe may be from a node of the reduced tongue."""
 
@@ -146,10 +146,10 @@ class Search:
         by[:, :-1] -= slope
         return self.effort * float((levels**2).mean()) + self.haste * float((rate**2).mean()), by
 
-    def least(self, function: Callable[[Floats], Any], begin: Floats, iterations: int, *, gradient: bool) -> Any:
-        """The search itself."""
+    def least(self, function: Callable[[Floats], Any], begin: Floats, iterations: int) -> Any:
+        """The search itself, with a function's value and its derivatives."""
         bounds = [(0.0, self.most)] * len(begin)
-        return minimize(function, begin.clip(0, self.most), jac=gradient, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
+        return minimize(function, begin.clip(0, self.most), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
 
 
 def fit(
@@ -210,7 +210,7 @@ def fit(
         return value, search.numbers_from(by + by_cost)
 
     begin = search.numbers(np.array([(start or {}).get(name, np.full(len(search.knots), 0.1)) for name in muscles]))
-    done = search.least(evaluate, begin, iterations, gradient=True)
+    done = search.least(evaluate, begin, iterations)
     assert found is not None
     return replace(found, evaluations=evaluations, reason=str(done.message))
 
@@ -245,20 +245,27 @@ def guess(tongue: ReducedTongue, search: Search, probes: Mapping[str, Floats], t
     lasting = np.diff(times)[counts - 1]
     column = [tongue.muscles.index(name) if name in tongue.muscles else None for name in search.muscles]
 
-    def value(x: Floats) -> float:
-        levels, of = search.levels(x), search.goals()
-        course = np.zeros((len(times), len(tongue.muscles)))
-        for at, level in zip(column, levels, strict=True):
-            if at is not None:
-                course[:, at] = np.interp(times, search.knots, level)
-        u = tongue.displacement(tongue.sequence(times, course)[0][counts])[:, nodes]
-        total = sum(of(t, h, dict(zip(probes, at, strict=True)))[0] for t, h, at in zip(times[counts], lasting, u, strict=True))
-        return total + search.cost(levels)[0]
+    def value(x: Floats) -> tuple[float, Floats]:
+        of, tried = search.goals(), [search.levels(y) for y in (x, *(x + NUDGE * np.eye(len(x))))]
+        course = np.zeros((len(times), len(tried), len(tongue.muscles)))
+        for run, levels in enumerate(tried):
+            for at, level in zip(column, levels, strict=True):
+                if at is not None:
+                    course[:, run, at] = np.interp(times, search.knots, level)
+        u = tongue.displacement(tongue.sequences(times, course)[counts], nodes)
+        slopes = (u[:, 1:] - u[:, :1]) / NUDGE
+        total, by_cost = search.cost(tried[0])
+        by = search.numbers_from(by_cost)
+        for t, h, at, slope in zip(times[counts], lasting, u[:, 0], slopes, strict=True):
+            added, pull = of(t, h, dict(zip(probes, at, strict=True)))
+            total += added
+            by += sum(slope[:, i] @ pull[name] for i, name in enumerate(probes) if name in pull)
+        return total, by
 
     random = np.random.default_rng(seed)
     n = search.size
     begins = random.uniform(0, search.most / 2, (tries, n)) * (random.random((tries, n)) < 0.5)
-    results = [search.least(value, begin, GUESS_ITERATIONS, gradient=False) for begin in begins]
+    results = [search.least(value, begin, GUESS_ITERATIONS) for begin in begins]
     return dict(zip(search.muscles, search.levels(min(results, key=lambda done: done.fun).x), strict=True))
 
 
