@@ -425,7 +425,7 @@ def test_frames_and_formats(scratch: Path, axes: str, unit: float) -> None:
         ("no fibres", "'GGP_L' has no polyline"),
         (
             "unit",
-            r"0.03 to 0.3 m and 5 to 400 cm³ is expected, so state its unit in frame.toml \(unit = 'mm' would make it one",
+            r"0.03 to 0.3 m and 5 to 400 cm³ is expected, so state its unit in frame.toml \(unit = 'mm', not 'm', would make it one",
         ),
         ("json", "fibres.json: cannot be read"),
         ("outside", "only 0 % of the fibre length of 'GGP_L' lies inside the tongue surface"),

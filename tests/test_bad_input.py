@@ -580,6 +580,8 @@ SUBJECTS: list[tuple[str, Callable[[Path], object], str]] = [
     ("frame.toml", _frame("mid_plane = nan"), "mid_plane: nan; a number is expected"),
     ("frame.toml", _frame("unit = true"), "unit: True is not one of m, cm, mm"),
     ("frame.toml", _frame("unit = -1.0"), "unit: -1.0 is not one of m, cm, mm"),
+    ("frame.toml", _frame("unit = inf"), "unit: inf is not one of m, cm, mm"),
+    ("frame.toml", _frame("unit = [1]"), "unit: [1] is not one of m, cm, mm"),
     ("frame.toml", _frame("cap = 1"), "cap: 1; true or false is expected"),
     ("frame.toml", _frame("muscles = 'mine'"), "muscles: 'mine' is not one of measured, built-in"),
     ("frame.toml", _frame("repair = -1"), "repair: -1; zero or a positive number is expected"),
@@ -588,7 +590,7 @@ SUBJECTS: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "tongue_surface.obj",
         _frame("unit = 'm'\naxes = 'LPS'"),
-        "a tongue of 0.03 to 0.3 m and 5 to 400 cm³ is expected, so state its unit in frame.toml (unit = 'mm' would",
+        "a tongue of 0.03 to 0.3 m and 5 to 400 cm³ is expected, so state its unit in frame.toml (unit = 'mm', not 'm', would",
     ),
     ("tongue_surface.obj", _spike, "triangles cross each other around ( … mm; a surface that does not cross itself is expected"),
     ("tongue_surface.ply", _open, "the surface is open (3 edges belong to one triangle only)"),

@@ -93,8 +93,8 @@ def test_folder_from_a_scan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     scan, folder = _as_found(tmp_path), tmp_path / "anna"
     code, said = command(capsys, "subject", "init", folder, scan)
     assert code == 0, said
-    assert "axes LPS" in said
-    assert "cap = true closes that" in said
+    assert "axes: LPS" in said
+    assert "holes: with" in said
     assert 'unit = "mm"' in (folder / "frame.toml").read_text(encoding="utf-8")
     anatomy = tf.read_subject(folder)
     assert set(anatomy.surface.edge_sharing()) == {2}
@@ -106,10 +106,8 @@ def test_folder_from_a_scan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert {"GGP_L", "GGP_R", "TRANS_L", "SL"} <= set(anatomy.muscles)
     figures = meshing.build(anatomy, tmp_path / "anna.msh", 8e-3)
     assert figures["muscles"]["GGP_L"]["volume_m3"] > 1e-6
-    assert command(capsys, "subject", "init", folder, scan) == (
-        2,
-        f"error: {folder}: is not empty; the name of a new folder is expected.\n",
-    )
+    code, said = command(capsys, "subject", "init", folder, scan)
+    assert (code, f"FOLDER {folder}: is there already; the name of a new folder is expected." in " ".join(said.split())) == (2, True)
 
 
 def test_what_is_no_tongue_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -121,7 +119,17 @@ def test_what_is_no_tongue_is_said(tmp_path: Path, capsys: pytest.CaptureFixture
     assert f"{needle}: the surface resembles a tongue in no attitude" in " ".join(said.split())
     code, said = command(capsys, "subject", "init", tmp_path / "new", tmp_path / "needle.txt")
     assert code == 2
-    assert "needle.txt: .stl, " in said
+    assert "needle.txt: a file that ends in .stl, " in " ".join(said.split())
+    for name, factor in (("turned", 0.35), ("two", 0.0)):
+        mesh = drawn().surface.to_pyvista().rotate_z(np.degrees(factor), inplace=False)
+        (mesh + pv.Sphere(radius=0.01, center=(0.0, 0.0, 0.1)) if name == "two" else mesh).save(tmp_path / f"{name}.ply")
+        code, said = command(capsys, "subject", "init", tmp_path / "new", tmp_path / f"{name}.ply")
+        assert code == 2
+        assert {"turned": "mirrored at any plane across its axes", "two": "holds 2 bodies"}[name] in " ".join(said.split())
+    (tmp_path / "file").touch()
+    for folder in (tmp_path / "file", tmp_path / ("x" * 300)):
+        code, said = command(capsys, "subject", "init", folder, _as_found(tmp_path))
+        assert (code, said.startswith("error: ")) == (2, True), said
     assert not (tmp_path / "new").exists()
 
 

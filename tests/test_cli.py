@@ -179,8 +179,9 @@ def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFix
     code, text = tongue(capsys, "check", scenario)
     assert (code, f"GGP: 0 ms: 0, 100 ms: 1, at most {CALKA_STRESS['GGP'] / 1e3:g} kPa" in text) == (0, True), text
     _, text = tongue(capsys, "check", scenario, "--set", "time.end=0.2")
-    rise = next(line for line in text.splitlines() if "▁" in line).strip()
+    rise = next(line for line in text.splitlines() if "▁" in line).split("│")[1]
     assert list(rise) == sorted(rise)
+    assert rise[0] == "▁"
     assert rise[-1] == "█"
     assert "unknowns: some" in text
     folder = tmp_path / "run"

@@ -137,7 +137,9 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     over = (top - start) % len(ring)
     if along[over] > along[-1] / 2:  # walk over the dorsum, not along the underside
         ring = np.roll(ring[::-1], 1, axis=0)
-    stop = int(np.argmax((ring[:, 0] > dorsum[0]) & (ring[:, 2] < genial_spine[2] - small * 3e-3)))
+    behind = ring[:, 0] > dorsum[0]
+    low = behind & (ring[:, 2] < genial_spine[2] - small * 3e-3)
+    stop = int(np.argmax(low) if low.any() else np.argmin(np.where(behind, ring[:, 2], np.inf)))
     arc = float(arc_length(ring[: stop + 1])[-1])
     x, z = contour[:, 0], contour[:, 2]
     area = float(abs(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1))) / 2)
@@ -185,6 +187,8 @@ def _midsagittal(surface: Surface) -> Floats:
     """The mid-sagittal contour, (n, 3), in order around the tongue."""
     plane = float(np.ptp(surface.points[:, 1])) * 1e-7  # off the vertices that lie on y = 0
     strips = surface.to_pyvista().slice(normal="y", origin=(0.0, plane, 0.0)).strip(join=True, max_length=100000)
+    if not strips.n_cells:
+        raise InputError("the mid-sagittal plane does not cut the surface; look at its axes and mid_plane.")
     longest = max((strips.get_cell(i) for i in range(strips.n_cells)), key=lambda cell: cell.n_points)
     contour = np.array(longest.points, dtype=float)
     contour[:, 1] = 0.0

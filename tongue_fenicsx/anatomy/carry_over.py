@@ -15,14 +15,13 @@ from ..geometry.registration import SmoothMap
 from ..geometry.surface import LABEL, Surface
 from .anatomy import Muscle
 from .catalogue import base_name
+from .frame_guess import UNLIKE
 from .parametric.tongue import parametric_tongue
 
-FAR = 5e-3
-"""A surface that lies so far, in m and in the mean, from the built-in tongue laid on it, is not that of a tongue as drawn."""
 BONDED = 1e-3
 """Triangles within so much of the built-in tongue's attachment to a bone, in m, are bonded to it."""
-CAP = 1e-5
-"""Triangles farther than that, in m, from what was measured close a hole of it."""
+CAP = 2.5e-4
+"""Triangles farther than that, in m, from an open surface that was measured close a hole of it."""
 BONES = ("mandible", "hyoid")
 INSIDE = 0.3
 """Least share of its fibres' length that must lie in the tongue for a muscle to come along."""
@@ -60,16 +59,16 @@ class CarriedOver:
     def __init__(self, seen: Surface, surface: Surface, bonded: bool = True) -> None:
         built_in = parametric_tongue()
         self._map = laid = SmoothMap(built_in.surface, seen)
-        if laid.distance > FAR:
+        if laid.before > (most := UNLIKE * float(np.ptp(seen.points, axis=0).max())):
             raise InputError(
-                f"the built-in tongue, laid on the surface, is {1e3 * laid.distance:.1f} mm from it in the mean, at most {1e3 * FAR:g} mm "
-                'is accepted; a tongue in the frame that "axes" and "mid_plane" state is expected.'
+                f"the built-in tongue, laid on it, is {1e3 * laid.before:.1f} mm from it, at most {1e3 * most:.1f} mm is accepted; "
+                "a tongue in the frame that axes and mid_plane in frame.toml state is expected."
             )
         self._points: Floats | None = None
         self._drawn = np.empty((0, 3))
         self.genial_spine = laid.forward(built_in.genial_spine[None])[0]
         self.surface = surface
-        capped = abs(seen.signed_distance(surface.centroids)) > CAP
+        capped = (abs(seen.signed_distance(surface.centroids)) > CAP) & np.any(seen.edge_sharing() == 1)
         if bonded:
             self.surface = Surface(surface.points, surface.triangles, self._bonded(surface.centroids, capped, built_in.surface))
         bundles = {

@@ -19,6 +19,8 @@ from .parametric.tongue import parametric_tongue
 
 LENGTH, HULL = (0.03, 0.3), (5e-6, 400e-6)
 """Longest extent in m, and volume in m³ of the convex hull, that a tongue from a child's to a large one's may have."""
+ASKEW = 0.03
+"""No tongue is farther from its own mirror image, of its length; turned by 10° out of a mid-sagittal plane it is."""
 UNLIKE = 0.08
 """No tongue is farther from the built-in one, of its length."""
 TURNED = 45.0
@@ -50,6 +52,11 @@ class Guess:
     turned: float
     distance: float
 
+    @property
+    def metre(self) -> float:
+        """Length of the unit in m."""
+        return in_metres(self.unit)
+
 
 def guess_frame(surface: Surface, source: str) -> Guess:
     """Guess it from a surface in the file's own coordinates; it may be open.
@@ -60,9 +67,17 @@ def guess_frame(surface: Surface, source: str) -> Guess:
         If it does not resemble a tongue in any attitude.
     """
     unit = likely_unit(surface.points)
-    metre = UNITS[unit] if isinstance(unit, str) else unit
+    metre = in_metres(unit)
     metres = surface.transform(lambda points: metre * points)
-    lateral, middle = _symmetry(scatter(metres, 4000))
+    length = float(np.ptp(metres.points, axis=0).max())
+    if surface.n_bodies > 1:
+        raise InputError(f"{source}: holds {surface.n_bodies} bodies that do not hang together; the tongue alone is expected.")
+    asymmetry, lateral, middle = _symmetry(scatter(metres, 4000))
+    if asymmetry > ASKEW * length:
+        raise InputError(
+            f"{source}: mirrored at any plane across its axes the surface is {1e3 * asymmetry:.1f} mm from itself, and at most "
+            f"{1e3 * ASKEW * length:.1f} mm is accepted; a whole tongue, its mid-sagittal plane across one axis, is expected."
+        )
     built_in, found = parametric_tongue().surface, []
     others = [axis for axis in range(3) if axis != lateral]
     for back, up in (others, others[::-1]):
@@ -75,12 +90,19 @@ def guess_frame(surface: Surface, source: str) -> Guess:
             found.append((distance, _angle(laid), turn))
     upright = [entry for entry in found if entry[1] <= TURNED]
     distance, turned, turn = min(upright, key=lambda entry: entry[0], default=(np.inf, 0.0, np.eye(3)))
-    length = float(np.ptp(metres.points, axis=0).max())
     if distance > UNLIKE * length:
-        raise InputError(f"{source}: the surface resembles a tongue in no attitude; give its axes in frame.toml.")
+        raise InputError(
+            f"{source}: the surface resembles a tongue in no attitude: the built-in one, laid on it, is {1e3 * distance:.1f} mm away, at "
+            f"most {1e3 * UNLIKE * length:.1f} mm is accepted. If it is one, make the folder and its frame.toml by hand."
+        )
     rows = abs(turn).argmax(axis=0)
     axes = "".join("PRS"[row] if turn[row, axis] > 0 else "ALI"[row] for axis, row in enumerate(rows))
     return Guess(unit, axes, middle / metre, length, turned, distance)
+
+
+def in_metres(unit: str | float) -> float:
+    """Length of a unit in m, by its name or itself."""
+    return UNITS[unit] if isinstance(unit, str) else float(unit)
 
 
 def likely_unit(points: Floats) -> str | float:
@@ -101,8 +123,9 @@ def hull(points: Floats) -> float:
     return float(ConvexHull(points, qhull_options="QJ").volume)
 
 
-def _symmetry(points: Floats) -> tuple[int, float]:
-    """The axis along which points, mirrored at a plane, are closest to what they were, and where that plane is."""
+def _symmetry(points: Floats) -> tuple[float, int, float]:
+    """How far points (n, 3) mirrored at a plane across an axis are from themselves in the mean, the axis where that is least, and where on
+    it the plane is."""
     tree, size = cKDTree(points), float(np.ptp(points, axis=0).max())
 
     def asymmetry(middle: float, axis: int) -> float:
@@ -116,7 +139,7 @@ def _symmetry(points: Floats) -> tuple[int, float]:
         near = (centre - 0.1 * size, centre + 0.1 * size)
         result = minimize_scalar(asymmetry, bounds=near, args=(axis,), method="bounded", options={"xatol": 1e-4 * size})
         best.append((float(result.fun), axis, float(result.x)))
-    return min(best)[1:]
+    return min(best)
 
 
 def _angle(laid: Similarity) -> float:

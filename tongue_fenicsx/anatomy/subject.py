@@ -36,7 +36,7 @@ from ..geometry.surface import SUFFIXES, Surface, close_surface, read_surface
 from . import catalogue as muscle_facts
 from .anatomy import Anatomy, Muscle
 from .carry_over import CarriedOver
-from .frame_guess import HULL, LENGTH, hull, is_tongue, likely_unit
+from .frame_guess import HULL, LENGTH, hull, in_metres, is_tongue, likely_unit
 
 SYNONYMS = {"STY": "SG"}
 AXES = {"P": (0, 1), "A": (0, -1), "R": (1, 1), "L": (1, -1), "S": (2, 1), "I": (2, -1)}
@@ -94,7 +94,8 @@ class Frame:
             if key not in known:
                 raise InputError(f"{path}: unknown key {key!r}; known are {', '.join(known)}.")
         frame = cls(**data)
-        if frame.unit not in list(UNITS) and (isinstance(frame.unit, bool | str) or not frame.unit > 0):
+        number = isinstance(frame.unit, int | float) and not isinstance(frame.unit, bool) and 0 < frame.unit < np.inf
+        if not number and frame.unit not in list(UNITS):
             raise InputError(f"{path}: unit: {frame.unit!r} is not one of {', '.join(UNITS)}, nor the length of another in m.")
         if not isinstance(frame.cap, bool):
             raise InputError(f"{path}: cap: {frame.cap!r}; true or false is expected.")
@@ -117,7 +118,7 @@ class Frame:
     @property
     def metre(self) -> float:
         """Length of the unit in m."""
-        return UNITS[self.unit] if isinstance(self.unit, str) else float(self.unit)
+        return in_metres(self.unit)
 
     def metres(self, points: Any) -> Floats:
         """Points (n, 3) of the folder in our frame: metres, x posterior, y right, z up."""
@@ -212,7 +213,7 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
         raise InputError(f"{folder}: no tongue_surface.stl (or {', '.join(SUFFIXES[1:])}) in this folder.")
     seen = frame.surface(tongue[0])
     if not is_tongue(seen.points):
-        raise InputError(f"{tongue[0]}: {_wrong_size(seen.points / frame.metre)}")
+        raise InputError(f"{tongue[0]}: {_wrong_size(seen.points, frame)}")
     surface, repair = close_surface(seen, tongue[0], frame.metre * frame.repair, cap=frame.cap)
     hex_path, attachments = folder / "tongue_hex.vtu", folder / "attachments.json"
     cell_sets = CellSets(hex_path, frame) if hex_path.is_file() else None
@@ -238,12 +239,12 @@ def read_subject(folder: Path, radius: float = 4e-3) -> Anatomy:
     return Anatomy(folder.name, surface, muscles, spine, bones, notes=notes)
 
 
-def _wrong_size(points: Floats) -> str:
-    """What is wrong with the size of a surface, and the unit in which it would be a tongue's."""
-    size, around, unit = float(np.ptp(points, axis=0).max()), 1e6 * hull(points), likely_unit(points)
+def _wrong_size(points: Floats, frame: Frame) -> str:
+    """What is wrong with the size of a surface of points (n, 3) in m, and the unit in which it would be a tongue's."""
+    size, around, unit = float(np.ptp(points, axis=0).max()), 1e6 * hull(points), likely_unit(points / frame.metre)
     return (
         f"the surface is {size:g} m long, with {around:.3g} cm³ in its convex hull; a tongue of {LENGTH[0]:g} to {LENGTH[1]:g} m and "
-        f"{1e6 * HULL[0]:g} to {1e6 * HULL[1]:g} cm³ is expected, so state its unit in frame.toml (unit = {unit!r} "
+        f"{1e6 * HULL[0]:g} to {1e6 * HULL[1]:g} cm³ is expected, so state its unit in frame.toml (unit = {unit!r}, not {frame.unit!r}, "
     ) + ("would make it one)." if isinstance(unit, str) else "would make it as large as the built-in tongue).")
 
 

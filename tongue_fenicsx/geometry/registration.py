@@ -96,12 +96,12 @@ class SmoothMap:
     ----------
     similarity : Similarity
         Where it began.
-    distance : float
-        Mean distance in m of the target from the source as laid.
+    before, distance : float
+        Mean distance in m of the surfaces from each other then, and of the target from the source as laid.
     """
 
     def __init__(self, source: Surface, target: Surface) -> None:
-        self.similarity, _ = lay_on(source, target)
+        self.similarity, self.before = lay_on(source, target)
         theirs = scatter(target, DENSE) / MM
         ours = self.similarity.forward(scatter(source, DENSE)) / MM
         there, a, b = cKDTree(theirs), ours[:: DENSE // SPARSE], theirs[:: DENSE // SPARSE]

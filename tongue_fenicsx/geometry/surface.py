@@ -103,6 +103,18 @@ class Surface:
         edges = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         return np.unique(edges, axis=0, return_counts=True)[1].astype(np.int64)
 
+    @property
+    def n_bodies(self) -> int:
+        """How many pieces do not hang together."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        ends = self.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+        n = len(self.points)
+        used = np.unique(self.triangles)
+        labels = connected_components(coo_array((np.ones(len(ends)), ends.T), shape=(n, n)), directed=False)[1]
+        return len(np.unique(labels[used]))
+
     def crossing(self) -> Floats:
         """Corners, (k, 3, 3), in m, of the triangles of which an edge goes through another triangle, or that an edge goes through."""
         from scipy.spatial import cKDTree
@@ -227,6 +239,8 @@ def close_surface(surface: Surface, source: Path, within: float = 0.0, *, cap: b
         )
     if n_open:
         closed = _filled(surface)
+        if np.any(closed.edge_sharing() == 1):
+            raise InputError(f"{source}: the holes of {n_open} open edges cannot be closed; close them in the tool that made it.")
         more = 1e4 * (closed.area - surface.area)
         notes.append(f"{source.name}: what {n_open} edges left open was closed by {more:.1f} cm² that nobody measured.")
         surface = closed

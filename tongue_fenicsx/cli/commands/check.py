@@ -7,6 +7,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..options import Changes, ScenarioFile
 from ..terminal import console
 
@@ -53,11 +55,14 @@ def check(scenario: ScenarioFile, changes: Changes = None) -> None:
         console.print(f"note: {remark}")
     longest, n = simulation.stepping.longest, 3 * space.dofmap.index_map.size_global
     console.print(f"to t = {loaded.time.end:g} s in steps of at most {1e3 * longest:g} ms")
-    seconds = effort.seconds(n, loaded.time.end, longest, bool(model.contacts))
+    seconds = effort.seconds(n, loaded.time.end, simulation.stepping.output_every, longest, bool(model.contacts))
     time = f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.2g} min"
     console.print(f"{n} unknowns: some {time} on one core, give or take a factor of two, and {effort.memory(n):.1f} GiB")
 
 
 def _drawn(course: Course, t_end: float) -> str:
     """A course of activation over the time of the run, in blocks of an eighth."""
-    return "".join(BLOCKS[round(8 * min(max(course(t_end * i / (WIDTH - 1)), 0.0), 1.0))] for i in range(WIDTH))
+    times = np.concatenate([np.linspace(0.0, t_end, 8 * WIDTH + 1)[:-1], [t for t in course.kinks if t < t_end]])
+    highest = np.zeros(WIDTH)
+    np.maximum.at(highest, (WIDTH * times / t_end).astype(int), [course(t) for t in times])
+    return "0 ms │" + "".join(BLOCKS[i] for i in np.ceil(8 * highest.clip(0, 1)).astype(int)) + f"│ {1e3 * t_end:g} ms"

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -15,12 +17,12 @@ from ..terminal import console
 subject = typer.Typer(help="A folder for a tongue of one's own.", no_args_is_help=True)
 FRAME = """\
 # What the numbers in this folder mean, as tongue subject init found it; look whether it is true: tongue build FOLDER --figures
-unit = {unit}
-axes = "{axes}"           # where x, y and z point: P or A, R or L, S or I. A tongue's shape does not tell left from right.
-mid_plane = {mid_plane:.4g}       # lateral coordinate of the mid-sagittal plane
-cap = {cap}            # close holes of the surface
-repair = {repair:g}          # how far triangles that cross each other may be moved, in the unit above
-muscles = "built-in"   # carried over from the built-in tongue; "measured" when fibres.json and attachments.json are here
+{unit}
+axes = "{axes}"  # where x, y and z point: P or A, R or L, S or I. Left and right look alike: if they are swapped, swap R and L here.
+mid_plane = {mid_plane}  # where the mid-sagittal plane is, in the unit above
+cap = {cap}  # whether holes of the surface are closed
+repair = {repair:g}  # how far triangles that cross each other may be moved, in the unit above
+muscles = "built-in"  # carried over from the built-in tongue; "measured" when fibres.json and attachments.json are here
 """
 REPAIR = 0.5e-3
 """How far a repair may move the surface, in m."""
@@ -34,7 +36,7 @@ def _group() -> None:
 @subject.command()
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="To be made.")],
-    surface: Annotated[Path, typer.Argument(metavar="SURFACE", help="Of the tongue: STL, OBJ, PLY, VTP or VTU, in any unit and attitude.")],
+    surface: Annotated[Path, typer.Argument(metavar="SURFACE", help="Of a tongue: STL, OBJ, PLY, VTP or VTU; any unit and axes.")],
 ) -> None:
     """Begin a subject's folder with the surface of a tongue: find its unit and axes, and say what is missing."""
     from ...anatomy.frame_guess import guess_frame
@@ -43,27 +45,31 @@ def init(
     from ...geometry.surface import SUFFIXES, read_surface
 
     if surface.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{surface}: {', '.join(SUFFIXES)} is expected.")
-    if folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is not empty; the name of a new folder is expected.")
+        raise InputError(f"SURFACE {surface}: a file that ends in {', '.join(SUFFIXES)} is expected, after the name of the folder.")
+    if os.path.lexists(folder) and not (folder.is_dir() and not any(folder.iterdir())):
+        raise InputError(f"FOLDER {folder}: is there already; the name of a new folder is expected.")
     found = read_surface(surface)
     guess = guess_frame(found, str(surface))
     check_outputs(folder, ["frame.toml"])
     shutil.copyfile(surface, folder / f"tongue_surface{surface.suffix.lower()}")
-    open_edges = int((found.edge_sharing() == 1).sum())
-    metre = UNITS[guess.unit] if isinstance(guess.unit, str) else guess.unit
-    unit = f'"{guess.unit}"' if isinstance(guess.unit, str) else f"{guess.unit:g}"
+    n_open, known = int((found.edge_sharing() == 1).sum()), guess.unit in UNITS
     text = FRAME.format(
-        unit=unit, axes=guess.axes, mid_plane=guess.mid_plane, cap=str(open_edges > 0).lower(), repair=float(f"{REPAIR / metre:.2g}")
+        unit=f'unit = "{guess.unit}"' if known else f"unit = {guess.unit}  # m; makes it as large as the built-in tongue: give yours",
+        axes=guess.axes,
+        mid_plane=round(guess.mid_plane, 6),
+        cap=str(n_open > 0).lower(),
+        repair=float(f"{REPAIR / guess.metre:.2g}"),
     )
     (folder / "frame.toml").write_text(text, encoding="utf-8")
-    console.print(f"unit {guess.unit}: the surface is {1e3 * guess.length:.0f} mm long")
-    console.print(
-        f"axes {guess.axes}, mid-sagittal plane at {guess.mid_plane:.3g}: the built-in tongue, turned by {guess.turned:.0f}°, lies "
-        f"{1e3 * guess.distance:.1f} mm from the surface; whether left is left, you must know"
-    )
-    if open_edges:
-        console.print(f"open: {open_edges} edges belong to one triangle only; cap = true closes that")
-    console.print("missing: fibres.json, attachments.json; until then both are carried over from the built-in tongue")
+    if known:
+        console.print(f"unit: {guess.unit}; the surface is {1e3 * guess.length:.0f} mm long")
+    else:
+        console.print(f"unit: none of {', '.join(UNITS)}; {1e3 * guess.metre:g} mm makes it as large as the built-in tongue, give yours")
+    console.print(f"axes: {guess.axes}, the mid-sagittal plane at {guess.mid_plane:.4g}; if left and right are swapped, swap R and L there")
+    distance = f"{1e3 * guess.distance:.1f} mm from the surface (1 to 4 mm is usual)"
+    console.print(f"so the built-in tongue, scaled and turned by {guess.turned:.0f}°, is {distance}")
+    if n_open:
+        console.print(f"holes: with {n_open} edges in all; they will be closed, delete cap = true if you do not want that")
+    console.print("missing: fibres.json and attachments.json; until then muscles and attachments are those of the built-in tongue")
     console.print("missing: palate.stl and other bones, in the same coordinates; contact needs them")
-    console.print(f"wrote {folder}; look at it: tongue build {folder} -o {folder}.msh --figures")
+    console.print(f"wrote {folder}; look at it: tongue build {quote(str(folder))} -o {quote(f'{folder}.msh')} --figures")
