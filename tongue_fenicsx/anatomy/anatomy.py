@@ -138,8 +138,8 @@ def measure(surface: Surface, genial_spine: Floats) -> Shape:
     if along[over] > along[-1] / 2:  # walk over the dorsum, not along the underside
         ring = np.roll(ring[::-1], 1, axis=0)
     behind = ring[:, 0] > dorsum[0]
-    low = behind & (ring[:, 2] < genial_spine[2] - small * 3e-3)
-    stop = int(np.argmax(low) if low.any() else np.argmin(np.where(behind, ring[:, 2], np.inf)))
+    beneath = behind & (ring[:, 2] < genial_spine[2] - small * 3e-3)
+    stop = int(np.argmax(beneath) if beneath.any() else np.argmin(np.where(behind, ring[:, 2], np.inf)))
     arc = float(arc_length(ring[: stop + 1])[-1])
     x, z = contour[:, 0], contour[:, 2]
     area = float(abs(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1))) / 2)
