@@ -12,7 +12,7 @@ from test_cli import tongue as command
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.analysis import airway
-from tongue_fenicsx.analysis.tongue_grid import grids, mid_plane, section
+from tongue_fenicsx.analysis.tongue_grid import grids, mid_plane, outline, outlines, section
 
 
 def arc(radius: float, start: float, end: float, n: int = 400) -> np.ndarray:
@@ -38,12 +38,14 @@ def test_circles() -> None:
 
 
 def test_section_is_that_of_all_cells(tongue_file: Path) -> None:
-    """Only cells near the plane are cut, which leaves none out."""
+    """Only cells, and sides, near the plane are cut, which leaves none out."""
     tongue = tf.TongueMesh.read(tongue_file)
     run = tf.Simulation(tf.Model(tongue), probes={}).run({"GGP": tf.ramp(0.01, 0.1, 0.5)}, t_end=0.01)
     grid = grids(run)[1]
     whole = grid.tessellate(max_n_subdivide=1).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0))
     assert section(grid).area == pytest.approx(whole.area, rel=1e-6)
+    (quick,), of_all = outlines(run, [1]), outline(grid, 1)
+    np.testing.assert_allclose(np.sort(quick, axis=0), np.sort(of_all, axis=0), atol=1e-6)
 
 
 def test_postures(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

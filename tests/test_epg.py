@@ -11,7 +11,8 @@ import pyvista as pv
 from conftest import LIVING, SUBJECT, needs_subject
 
 import tongue_fenicsx as tf
-from tongue_fenicsx.analysis.electropalatogram import ELECTRODES, electrodes, electropalatogram
+from tongue_fenicsx.analysis.electropalatogram import ELECTRODES, REACH, electrodes, electropalatogram
+from tongue_fenicsx.analysis.tongue_grid import grids, skin
 from tongue_fenicsx.geometry.surface import Surface, read_surface
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
@@ -65,6 +66,8 @@ def test_of_a_run(tongue_file: Path) -> None:
     assert record.on[-1].sum() >= 2
     assert record.grid(-1).sum() == record.on[-1].sum()
     assert not electropalatogram(run, reach=-1e-3).on.any()
+    far = pv.PolyData(1e3 * record.places).compute_implicit_distance(skin(grids(run)[1], 2).triangulate())["implicit_distance"]
+    np.testing.assert_array_equal(record.on[-1], np.asarray(far) <= 1e3 * REACH)
     assert [picture.name for picture in (*run.plot("epg"), *run.plot("contact"))] == ["epg.png", "contact.png"]
     table = np.loadtxt(run.folder / "epg.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(table[:, 1:], record.on)

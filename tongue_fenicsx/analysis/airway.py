@@ -14,7 +14,7 @@ from ..core.types import Floats, Ints
 from ..geometry.polyline import arc_length
 from ..runs.run import Run
 from .electropalatogram import PALATES
-from .tongue_grid import cut, grids, mid_plane, outline, section
+from .tongue_grid import cut, grids, mid_plane, outlines, section
 
 WALLS = (*sorted(PALATES), "velum", "pharynx")
 """Obstacles that bound the airway."""
@@ -87,7 +87,7 @@ def airway(run: Run, outputs: Sequence[int] | None = None) -> Airway:
     wall, part = wall_of(walls, np.asarray(rest.points)[:, [0, 2]].mean(axis=0))
     along = arc_length(wall)
     outputs = range(len(run.output_times)) if outputs is None else outputs
-    distance = [feet(wall, outline(grids(run, index)[1], 1))[0] for index in outputs]
+    distance = [feet(wall, lines)[0] for lines in outlines(run, outputs)]
     return Airway(run.output_times[list(outputs)], wall, part, along, np.array(distance))
 
 

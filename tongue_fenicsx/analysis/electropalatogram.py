@@ -19,7 +19,8 @@ from ..core.errors import InputError
 from ..core.types import Floats
 from ..geometry.polyline import arc_length
 from ..geometry.surface import Surface
-from .tongue_grid import grids, skin
+from ..geometry.tetrahedron import outer_sides
+from .tongue_grid import shell, skin
 
 if TYPE_CHECKING:
     from ..runs.run import Run
@@ -44,6 +45,9 @@ ELECTRODES = [(row, column) for row in range(8) for column in range(8) if row > 
 
 REACH = 0.5e-3
 """Distance in m at which the tongue counts as touching."""
+
+NEAR = 6e-3
+"""In m: what is farther than this from the box of the electrodes touches none."""
 
 
 def electrodes(palate: Surface) -> Floats:
@@ -162,8 +166,10 @@ def electropalatogram(run: Run, reach: float = REACH) -> Electropalatogram:
         raise InputError(f"{run}: has no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
     places = electrodes(run.obstacles(0)[found[0]])
     probe = pv.PolyData(1e3 * places)
-    on = []
-    for index in range(len(run.output_times)):
-        tongue = skin(grids(run, index)[1], 2).triangulate()
-        on.append(np.asarray(probe.compute_implicit_distance(tongue)["implicit_distance"]) <= 1e3 * reach)
-    return Electropalatogram(run.output_times, places, np.array(on))
+    sides, low, high = outer_sides(run.mesh[1]), 1e3 * (places.min(axis=0) - NEAR), 1e3 * (places.max(axis=0) + NEAR)
+    on = np.zeros((len(run.output_times), len(places)), dtype=bool)
+    for index in range(len(on)):
+        tongue = skin(shell(run, index, sides, low, high), 2).triangulate()
+        if tongue.n_cells:
+            on[index] = np.asarray(probe.compute_implicit_distance(tongue)["implicit_distance"]) <= 1e3 * reach
+    return Electropalatogram(run.output_times, places, on)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.types import Floats
+from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
+from ..geometry.tetrahedron import outer_sides
 from .moments import field_at
 
 if TYPE_CHECKING:
@@ -34,6 +36,18 @@ def grids_at(run: Run, t: float) -> tuple[pv.UnstructuredGrid, pv.UnstructuredGr
     deformed = rest.copy()
     deformed.points = rest.points + u
     return rest, deformed
+
+
+def shell(run: Run, index: int, sides: Ints, low: Floats, high: Floats) -> pv.UnstructuredGrid:
+    """The sides (n, 6) of `outer_sides` that reach into a box of mm, as quadratic triangles, where they are at an output."""
+    import pyvista as pv
+
+    points = 1e3 * (run.mesh[0] + run.field("displacement", index))
+    ends = points[sides]
+    least, most = ends.min(axis=1), ends.max(axis=1)
+    margin = (most - least) / 4  # a curved side goes beyond its nodes
+    near = np.all((least - margin <= high) & (most + margin >= low), axis=1)
+    return pv.UnstructuredGrid({pv.CellType.QUADRATIC_TRIANGLE: sides[near]}, points)
 
 
 def _middle(y: Floats) -> float:
@@ -67,7 +81,20 @@ def section(grid: pv.UnstructuredGrid) -> pv.PolyData:
 
 def outline(grid: pv.UnstructuredGrid, subdivision: int = 2) -> Floats:
     """Where the mid-sagittal plane cuts the `skin` of a grid, lines (n, 2, 2) of x and z in mm."""
-    return _lines(skin(grid, subdivision).slice(normal="y", origin=(0.0, mid_plane(grid) + 1e-4, 0.0)))
+    return _outline(grid, mid_plane(grid), subdivision)
+
+
+def outlines(run: Run, outputs: Sequence[int]) -> Iterator[Floats]:
+    """The outlines of a run at outputs, of a coarser skin; quick for many."""
+    points, cells = run.mesh
+    plane, sides = _middle(1e3 * points[:, 1]), outer_sides(cells)
+    low, high = np.array([[-np.inf, plane, -np.inf], [np.inf, plane, np.inf]])
+    for index in outputs:
+        yield _outline(shell(run, index, sides, low, high), plane, 1)
+
+
+def _outline(grid: pv.UnstructuredGrid, plane: float, subdivision: int) -> Floats:
+    return _lines(skin(grid, subdivision).slice(normal="y", origin=(0.0, plane + 1e-4, 0.0)))
 
 
 def cut(surface: Surface, middle: float = 0.0) -> Floats:

@@ -23,14 +23,19 @@ def volumes(corners: Floats) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6)
 
 
+def outer_sides(cells: Ints) -> Ints:
+    """The sides (n, 6) of quadratic tetrahedra (n_cells, 10) that belong to one only: corners and nodes between them as in `SIDES`."""
+    sides = cells[:, SIDES].reshape(-1, 6)
+    _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(sides[first[count == 1]])
+
+
 def boundary(cells: Ints, most: int | None = None) -> tuple[Ints, Ints]:
     """The surface of quadratic tetrahedra (n_cells, 10): its nodes, (n,), and triangles, (m, 3), counter-clockwise from outside.
 
     Triangles count within the nodes. Each side of a tetrahedron is four triangles, or one where there would be more than `most` nodes.
     """
-    sides = cells[:, SIDES].reshape(-1, 6)
-    _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
-    sides = sides[first[count == 1]]
+    sides = outer_sides(cells)
     triangles = sides[:, :3] if most is not None and len(np.unique(sides)) > most else sides[:, QUARTERS].reshape(-1, 3)
     nodes, places = np.unique(triangles, return_inverse=True)
     return nodes, places.reshape(-1, 3)

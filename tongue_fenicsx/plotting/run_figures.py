@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import NullFormatter
 
 from ..analysis.electropalatogram import ELECTRODES
 from ..analysis.tongue_grid import cut, grids, mid_plane, outline, section
@@ -112,6 +113,8 @@ def draw_trajectories(run: Run) -> Path:
     over_time.set(title="displacement, backward and upward", ylabel="mm")
     speeds.set(title="tangential speed", ylabel="cm/s", ylim=(0, None))
     bends.set(title=f"curvature, where faster than {1e2 * SLOW:g} cm/s", ylabel="1/m")
+    bends.yaxis.set_major_formatter("{x:g}")
+    bends.yaxis.set_minor_formatter(NullFormatter())
     for axes in (over_time, speeds, bends):
         axes.set(xlabel="time in ms", xlim=(0, t[-1]))
         axes.grid(alpha=0.3)

@@ -181,13 +181,13 @@ class Run:
         with self.reading("fields.h5"), self.store.open("fields.h5") as file:
             return sorted(file.keys() - {"mesh", "obstacles", "time"})
 
-    @property
+    @cached_property
     def output_times(self) -> Floats:
         """Times in s of the stored fields, (n_outputs,)."""
         with self.reading("fields.h5"), self.store.open("fields.h5") as file:
             return np.asarray(file["time"][: _count(file)])
 
-    @property
+    @cached_property
     def mesh(self) -> tuple[Floats, Ints]:
         """Rest coordinates (n_nodes, 3) in m and quadratic tetrahedra (n_cells, 10) in VTK order."""
         with self.reading("fields.h5"), self.store.open("fields.h5") as file:
