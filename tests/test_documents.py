@@ -23,6 +23,7 @@ from tongue_fenicsx.cli.app import app, main
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.simulation import quantities
 from tongue_fenicsx.studies.anatomy_statements import STATEMENTS
+from tongue_fenicsx.studies.fit_file import RecordingSection
 
 HOUSE = Path(__file__).parents[1]
 DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("meshes/*.md")])
@@ -148,9 +149,11 @@ def test_python_of_documents(block: str, shorten: Callable[[float], None]) -> No
 
 @pytest.mark.parametrize("block", blocks("toml"))
 def test_toml_of_documents(block: str, tmp_path: Path) -> None:
-    """A scenario loads; a file of the example's, named in the first line, is as it stands."""
+    """A scenario loads, as does a part of a fit; a file of the example's, named in the first line, is as it stands."""
     if named := re.match(r"# (\S+\.toml)\n", block):
         assert tomllib.loads(block) == tomllib.loads((SUBJECT_FILES / named[1]).read_text("utf-8"))
+    elif "[recording]" in block:
+        RecordingSection.model_validate(tomllib.loads(block)["recording"])
     else:
         (tmp_path / "scenario.toml").write_text(block, encoding="utf-8")
         load(tmp_path / "scenario.toml")

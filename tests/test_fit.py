@@ -15,13 +15,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.reduced.tongue import ReducedTongue
-from tongue_fenicsx.scenario.build import activation_of
+from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
-from tongue_fenicsx.studies import fit_file, fitting, goals, openness
+from tongue_fenicsx.studies import articulography, fit_file, fitting, goals, openness
 from tongue_fenicsx.studies.single_muscle import LANDMARKS
 from tongue_fenicsx.testing import box
 from tongue_fenicsx.verification.gradient import bar_with
@@ -54,7 +55,7 @@ def test_a_twin() -> None:
     run = bar.run(fitting.courses(knots, truth), 0.05)
     paths = {name: goals.Track(run.time, path, name) for name, path in run.probes.items()}
     told: list[fitting.Fit] = []
-    found = fitting.fit(bar, fitting.Search(paths, list(truth), knots, effort=1e-5, haste=1e-5), report=told.append)
+    found = fitting.fit(bar, fitting.Search(paths, list(truth), knots, effort=1e-5, haste=1e-5), iterations=12, report=told.append)
     for name, levels in truth.items():
         np.testing.assert_allclose(found.levels[name], levels, atol=0.05)
     assert max(found.distance.values()) < 0.05 < max(told[0].distance.values())
@@ -95,7 +96,7 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
         np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=head, comments="")
     file, output = tmp_path / "fit.toml", tmp_path / "fit"
     best = []
-    for iterations in (4, 20):
+    for iterations in (3, 12):
         file.write_text(FIT.format(mesh=tongue_file, iterations=iterations))
         code, said = command(capsys, "fit", file, "-o", output)
         assert code == 0, said
@@ -270,3 +271,78 @@ def test_bad_fits(old: str, new: str, message: str, tongue_file: Path, tmp_path:
     code, said = command(capsys, "fit", tmp_path / "fit.toml", "-o", tmp_path / "fit")
     assert (code, message in said) == (2, True), said
     assert not (tmp_path / "fit" / "run").exists()
+
+
+RECORDING = """
+[recording]
+table = "ema.csv"
+time = "t_s"
+axes = "ALS"
+rest = 0.3
+begin = 0.1
+lead = 0.02
+align = "scale"
+[recording.sensor.TT]
+columns = ["TT_x", "TT_y", "TT_z"]
+behind_tip = 10
+[recording.sensor.TR]
+columns = ["TR_x", "TR_y", "TR_z"]
+at = "root"
+[recording.jaw]
+columns = ["J_x", "J_y", "J_z"]
+centre = [75.0, 0.0, 45.0]
+"""
+
+
+def test_sensors_of_a_speaker(tongue: tf.TongueMesh, tongue_file: Path, tmp_path: Path) -> None:
+    """Their tables, in mm of a frame that is turned, larger and looks the other way, become paths and a jaw's motion in ours."""
+    glued = {"TT": articulography.behind_tip(tongue, 10e-3), "TR": tongue.landmarks["root"]}
+    turn = Rotation.from_rotvec([0.0, np.radians(8.0), 0.0]).as_matrix()
+    times, centre, tooth = np.linspace(0.0, 0.3, 31), np.array([0.075, 0.0, 0.045]), np.array([-0.02, 0.0, 0.02])
+    away = np.column_stack([2e-3 * np.sin(20 * times), 1e-3 * times, 3e-3 * np.cos(15 * times)])
+    away -= away[-1]
+    open_by = np.interp(times, [0.0, 0.1, 0.2, 0.3], [4.0, 4.0, 9.0, 0.0])
+    jaw = np.array([centre + Rotation.from_rotvec([0.0, -np.radians(angle), 0.0]).apply(tooth - centre) for angle in open_by])
+    columns = {"t_s": times}
+    for name, places in {"TT": glued["TT"] + away, "TR": glued["TR"] - 0.5 * away, "J": jaw}.items():
+        theirs = 1.2e3 * places @ turn + [30.0, 0.0, -5.0]  # in mm
+        columns |= {f"{name}_x": -theirs[:, 0], f"{name}_y": -theirs[:, 1], f"{name}_z": theirs[:, 2]}
+    np.savetxt(tmp_path / "ema.csv", np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    (tmp_path / "ema.csv").write_text("# somebody\n" + (tmp_path / "ema.csv").read_text())
+    file = tmp_path / "fit.toml"
+    text = FIT.format(mesh=tongue_file, iterations=1)
+    file.write_text(text[: text.index("[target")] + RECORDING)
+    said: list[str] = []
+    task = fit_file.glue(fit_file.read(file), tmp_path / "fit", said.append)
+    assert "turned by 8.0°, scaled by 0.83; at rest the sensors lie 0.0 mm" in said[0]
+    assert task.scenario.probes is not None
+    np.testing.assert_allclose(np.array(task.scenario.probes["TT"], dtype=float), glued["TT"])
+    assert {"tip", "TR"} <= task.scenario.probes.keys()
+    for name, share in (("TT", 1.0), ("TR", -0.5)):
+        path = task.paths[name]
+        np.testing.assert_allclose(path.times, times[10:] - 0.1 + 0.02, atol=1e-12)
+        np.testing.assert_allclose(path.displacement, share * away[10:] * [1, 0, 1], atol=1e-8)
+    moving = simulation_of(task.scenario, tmp_path).model.moving["mandible"]
+    assert task.file.since == 0.02
+    for t, angle in ((0.02, 4.0), (0.12, 9.0), (0.22, 0.0)):
+        np.testing.assert_allclose(moving.displacement(tooth[None], t)[0], jaw[np.isclose(open_by, angle)][-1] - tooth, atol=1e-6)
+    good = file.read_text()
+    for old, new, message in (
+        ("TT_z", "gone", "no column 'gone'; it has t_s"),
+        ('"ALS"', '"AAS"', "three letters are expected"),
+        ("behind_tip = 10", "", "behind_tip"),
+    ):
+        file.write_text(good.replace(old, new, 1))
+        with pytest.raises(tf.InputError, match=message):
+            fit_file.read(file)
+
+
+def test_lengths_behind_the_tip(tongue: tf.TongueMesh) -> None:
+    """They are measured over the dorsum, backward from the tip."""
+    points = np.array([articulography.behind_tip(tongue, length) for length in np.linspace(0, 0.06, 61)])
+    assert np.linalg.norm(points[0] - tongue.landmarks["tip"]) < 3e-3
+    assert abs(points[:, 1]).max() < 1e-9
+    np.testing.assert_allclose(np.linalg.norm(np.diff(points, axis=0), axis=1), 1e-3, rtol=0.1)
+    assert np.linalg.norm(points - tongue.landmarks["dorsum"], axis=1).min() < 2e-3
+    with pytest.raises(tf.InputError, match="900 mm behind the tip; from 0 to"):
+        articulography.behind_tip(tongue, 0.9)

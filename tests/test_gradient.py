@@ -83,10 +83,29 @@ def test_by_knots() -> None:
     np.testing.assert_allclose(of_steps.by_knots("GGP_L", np.array([0.0, 0.2])), [1.0 + 1.0, 1.0 + 4.0 + 8.0])
 
 
-@pytest.mark.parametrize("kind", ["mixed", "static"])
-def test_what_has_no_gradient_yet(kind: str) -> None:
+def test_of_equilibria() -> None:
+    """Each depends on its own levels only; slopes by a level and by a number of the tissue are what equilibria on both sides say."""
+    model = tf.Model(with_fibres(box((0.02, 0.01, 0.01), (3, 2, 2))), tf.Tissue.calka(), fixed=["wall"], **DOWN)  # type: ignore[arg-type]
+    stepping = tf.Stepping(5e-3, output_every=0.02, quasi_static=True)
+    bar = tf.Simulation(model, {"end": (0.02, 0.005, 0.005)}, stepping, tf.Tolerances.of("tight", rtol=1e-9, linear=1e-9))
+
+    def at(level: float) -> dict[str, tf.Activation]:
+        return {"GGP": tf.Activation([(0.01, 0.0, 0.5), (0.01, 0.5, level)])}
+
+    found = bar.gradient(sag, at(0.3), 0.02, tissue=["c10"])
+    np.testing.assert_array_equal(found.levels["GGP_L"][:-1], 0.0)
+    up, down = (bar.run(at(0.3 + step), 0.02).probes["end"][-1, 2] for step in (1e-4, -1e-4))
+    assert found.levels["GGP_L"][-1] == pytest.approx(1e3 * (up - down) / 2e-4, rel=1e-5)
+    c10, heights = number_of(model.tissue, "c10"), []
+    for share in (1 + 1e-5, 1 - 1e-5):
+        bar.model = replace(model, tissue=with_number(model.tissue, "c10", share * c10))
+        heights.append(bar.run(at(0.3), 0.02).probes["end"][-1, 2])
+    assert found.tissue["c10"] == pytest.approx(1e3 * (heights[0] - heights[1]) / (2e-5 * c10), rel=1e-3)
+
+
+def test_what_has_no_gradient_yet() -> None:
     """Is said before anything long."""
-    model = tf.Model(with_fibres(box((0.02, 0.01, 0.01), (2, 1, 1))), fixed=["wall"], mixed=kind == "mixed", **DOWN)  # type: ignore[arg-type]
-    bar = tf.Simulation(model, {"end": (0.02, 0.005, 0.005)}, tf.Stepping(5e-3, output_every=5e-3, quasi_static=kind == "static"))
-    with pytest.raises(tf.InputError, match=r"gradient: motion in the displacement form"):
+    model = tf.Model(with_fibres(box((0.02, 0.01, 0.01), (2, 1, 1))), fixed=["wall"], mixed=True, **DOWN)  # type: ignore[arg-type]
+    bar = tf.Simulation(model, {"end": (0.02, 0.005, 0.005)}, tf.Stepping(5e-3, output_every=5e-3))
+    with pytest.raises(tf.InputError, match=r"gradient: the displacement form"):
         bar.gradient(sag, {"GGP": tf.ramp(0.01, 0.1)}, 5e-3)

@@ -17,8 +17,8 @@ POSTURES = Path(__file__).parents[1] / "demos" / "postures"
 
 
 def posture(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[tf.Run, Airway]:
-    """Its run without pictures, and its airway at the end."""
-    code, said = command(capsys, "run", POSTURES / f"{name}.toml", "-o", folder / name, "--no-figures")
+    """Its run without pictures, of which only the end counts, and its airway there."""
+    code, said = command(capsys, "run", POSTURES / f"{name}.toml", "-o", folder / name, "--no-figures", "--set", "solver.accuracy=preview")
     assert code == 0, said
     run = tf.Run(folder / name)
     return run, airway(run, (-1,))

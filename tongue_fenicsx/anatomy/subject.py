@@ -52,6 +52,13 @@ OUTSIDE = 10e-3
 """Fibres that end farther than this from the tongue, in m, belong to a muscle that comes from a bone out there."""
 
 
+def check_axes(axes: object) -> None:
+    """Refuse what does not say where x, y and z point, with a ValueError."""
+    letters = list(axes) if isinstance(axes, str) else []
+    if sorted(AXES[letter][0] for letter in letters if letter in AXES) != [0, 1, 2]:
+        raise ValueError(f"{axes!r}; three letters are expected, one each of P or A, R or L, S or I")
+
+
 @dataclass(frozen=True)
 class Frame:
     """How a folder's coordinates are meant, from its ``frame.toml``.
@@ -101,9 +108,10 @@ class Frame:
             raise InputError(f"{path}: cap: {frame.cap!r}; true or false is expected.")
         if frame.muscles not in MUSCLES:
             raise InputError(f"{path}: muscles: {frame.muscles!r} is not one of {', '.join(MUSCLES)}.")
-        letters = list(frame.axes) if isinstance(frame.axes, str) else []
-        if sorted(AXES[letter][0] for letter in letters if letter in AXES) != [0, 1, 2]:
-            raise InputError(f"{path}: axes: {frame.axes!r}; three letters are expected, one each of P or A, R or L, S or I.")
+        try:
+            check_axes(frame.axes)
+        except ValueError as error:
+            raise InputError(f"{path}: axes: {error}.") from error
         for key, expected in (("mid_plane", Real()), ("repair", Real(low=0))):
             try:
                 expected.check(getattr(frame, key))

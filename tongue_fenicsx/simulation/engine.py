@@ -115,7 +115,7 @@ class Engine:
         self.equations.at(0.0, accelerating)
         if not self._quasi_static:
             set_initial_acceleration(self.equations, self._tolerances.atol)
-        self.beginning = self.equations.state, accelerating
+        self.beginning = self.equations.state, {} if self._quasi_static else accelerating
         self.equations.at(0.0, levels)
         return self._begin(levels, None)
 

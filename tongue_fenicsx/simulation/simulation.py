@@ -185,8 +185,9 @@ class Simulation:
         t_end: float,
         tissue: Sequence[str] = (),
     ) -> Gradient:
-        """An objective of a run, and its derivatives by the activation of each muscle at each step: the discrete adjoint of the time scheme
-        with contact, force–length and force–velocity exact. The steps and how soft obstacles are count as given; solve to tight tolerances.
+        """An objective of a run, and its derivatives by the activation of each muscle at each step: the discrete adjoint of the scheme in
+        time, or of equilibria, with contact, force–length and force–velocity exact. The steps and how soft obstacles are count as given;
+        solve to tight tolerances.
 
         Parameters
         ----------
@@ -203,7 +204,7 @@ class Simulation:
         Raises
         ------
         InputError
-            As of `run`; for equilibria, the mixed form and suspended bones; if the tissue has no such number.
+            As of `run`; for the mixed form and suspended bones; if the tissue has no such number.
         SolveError
             As of `run`.
         """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The discrete adjoint of the generalized-alpha scheme: what the end of a step owes to its begin and to the muscles."""
+"""The discrete adjoint of both schemes in time: what the end of a step owes to its begin and to the muscles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 
 from ..core.errors import InputError, SolveError
 from ..core.types import Expr, Floats
@@ -51,15 +52,15 @@ class Adjoint:
     Raises
     ------
     InputError
-        For the mixed form, suspended bones and equilibria.
+        For the mixed form and suspended bones.
     """
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
         self._weak = weak = equations.weak
         scheme = equations.scheme
-        if weak.pressure is not None or weak.suspended_nodes or not isinstance(scheme, GeneralizedAlpha):
-            raise InputError("gradient: motion in the displacement form, without suspended bones, is expected.")
+        if weak.pressure is not None or weak.suspended_nodes:
+            raise InputError("gradient: the displacement form, without suspended bones, is expected.")
         self._scheme = scheme
         V, u = weak.V, weak.u
         test, trial = ufl.TestFunction(V), ufl.TrialFunction(V)
@@ -81,7 +82,8 @@ class Adjoint:
             weak.compile_contacts(lambda name: ufl.derivative(contact(name, trial), u, test, touching)),
             "baij",
         )
-        self._by_v, self._by_a = by(scheme.v_part, test), by(scheme.a_part, test)
+        if isinstance(scheme, GeneralizedAlpha):
+            self._by_v, self._by_a = by(scheme.v_part, test), by(scheme.a_part, test)
         self._slots = [(weak.slots, self._by_slots(weak.slots, lambda f, w: [by(f, w)]))]
         self._contact_by_v: Any = ()
         if (on_surface := weak.surface_slots) is not None:
@@ -89,7 +91,8 @@ class Adjoint:
             def by_contact(function: fem.Function, direction: Expr) -> Any:
                 return weak.compile_contacts(lambda name: ufl.derivative(contact(name, lam), function, direction))
 
-            self._contact_by_v = by_contact(scheme.v_part, test)
+            if isinstance(scheme, GeneralizedAlpha):
+                self._contact_by_v = by_contact(scheme.v_part, test)
             self._slots.append((on_surface, self._by_slots(on_surface, by_contact)))
         rates = weak.u, scheme.v, weak.u, lam
         self._pulls = [(pull, weak.compile(pull.work_of_one(weak.law, *rates))) for pull in weak.pulls]
@@ -134,6 +137,10 @@ class Adjoint:
         scheme = self._scheme
         h = after.t - before.t
         self._stand(before, after, levels)
+        if not isinstance(scheme, GeneralizedAlpha):  # an equilibrium owes nothing to the one before: implicit functions
+            self._solve(-end.u)
+            nil = np.zeros_like(end.u)
+            return Costate(nil, nil, nil, nil), self._by_level()
         m, f, g, b = scheme.alpha_m, scheme.alpha_f, scheme.gamma, scheme.beta
         (v_factor, _), (a_factor, _) = scheme.rates
         a = end.acceleration + (1 - f) / (1 - m) * end.auxiliary
@@ -187,6 +194,9 @@ class Adjoint:
     def _solve(self, right: Floats) -> None:
         """The multiplier λ, for which the transposed tangent times it is the `right` side."""
         right[self._weak.fixed_dofs] = 0.0
+        if not self._weak.V.mesh.comm.allreduce(bool(right.any()), op=MPI.LOR):  # an equilibrium that does not count
+            self._multiplier.x.array[:] = 0.0
+            return
         self._transposed.assemble()
         self._tangent.assemble()
         self._linear.update()

@@ -4,6 +4,7 @@
 __all__ = [
     "anatomy_check",
     "anatomy_statements",
+    "articulography",
     "atlas",
     "calibration",
     "cases",

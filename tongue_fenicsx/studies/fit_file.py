@@ -4,31 +4,34 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from mpi4py import MPI
-from pydantic import ValidationError
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ..analysis.airway import WALLS, wall_of
 from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
 from ..analysis.tongue_grid import cut
+from ..anatomy.subject import Frame, check_axes
 from ..core.errors import InputError, reading, within
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
-from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, explain
+from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, Vector, explain
 from ..plotting.fit_sheet import draw_fit
 from ..reduced.tongue import ReducedTongue
 from ..runs.run import Run
 from ..scenario.build import activation_of, inputs_of, simulation_of
 from ..scenario.files import dump, read_toml, scenario_of
 from ..scenario.schema import Scenario, Section
+from ..simulation.probes import Probes
 from ..simulation.simulation import Simulation
 from . import fitting
+from .articulography import ALIGNMENTS, Recording, Timing, behind_tip, lay
 from .fitting import Fit, Search
 from .goals import Constriction, Contour, Goal, Touch, Track, Within, skin_of
 from .openness import Openness, nearby, openness
@@ -42,7 +45,13 @@ RUN, NEARBY = "run", "nearby"
 REACH_FOR = 18.0
 """In mm: points of the surface that may reach an electrode are so near at rest."""
 Span = tuple[float, float]
+Columns = Annotated[list[str], Field(min_length=3, max_length=3)]
+JAW = "mandible"
+"""The bone that a sensor on the lower teeth moves; it turns about an axis to the left, so that opening is positive."""
 BEGINS = ("flat", "live")
+JAWS = frozenset({"lower_teeth", "mandible"})
+"""Obstacles that move with the jaw of a recording."""
+MM = 1e-3
 
 
 class TargetSection(Section):
@@ -82,6 +91,51 @@ class TouchSection(Section):
     columns: list[Annotated[int, Real(low=1, high=8, whole=True)]] | None = None
 
 
+class SensorSection(Section):
+    """A sensor glued to the tongue: the columns of its place, and where it is on ours: so many mm behind the tip along the mid-line of the
+    dorsum, or at a point in mm of the rest shape or a landmark."""
+
+    columns: Columns
+    behind_tip: NotNegative | None = None
+    at: Annotated[str | Sequence[float], Vector(named=True)] | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> SensorSection:
+        if (self.behind_tip is None) == (self.at is None):
+            raise ValueError("either behind_tip, in mm, or at, a point in mm or a landmark, is expected")
+        return self
+
+
+class JawSection(Section):
+    """A sensor glued to the lower teeth, which tells how the jaw turns about the transverse axis through `centre` (mm)."""
+
+    columns: Columns
+    centre: Annotated[Sequence[float], Vector()]
+
+
+class RecordingSection(Section):
+    """Sensors on a speaker: the table, where its axes point, when in it the tongue is at rest, when the movement begins, and how long
+    before that the run begins, at rest; times in s."""
+
+    table: str
+    sensor: Mapping[Name, SensorSection]
+    jaw: JawSection | None = None
+    time: str = "time_s"
+    unit: Annotated[str, OneOf(names=UNITS)] = "mm"
+    axes: str = "PRS"
+    rest: NotNegative = 0.0
+    begin: NotNegative | None = None
+    lead: Seconds = 0.1
+    align: Annotated[str, OneOf(names=ALIGNMENTS)] = "rigid"
+    lateral: Flag = False
+
+    @field_validator("axes")
+    @classmethod
+    def _known(cls, axes: str) -> str:
+        check_axes(axes)
+        return axes
+
+
 class FitFile(Section):
     """A scenario, the muscles that may act in it, and what probes, outline and palate should do."""
 
@@ -101,11 +155,13 @@ class FitFile(Section):
     constriction: Mapping[Name, ConstrictionSection] = {}
     contour: Mapping[Name, ContourSection] = {}
     touch: Mapping[Name, TouchSection] = {}
+    recording: RecordingSection | None = None
 
     @property
     def aims(self) -> list[str]:
         """Names of all that is to be reached."""
-        return [*self.target, *self.point, *self.constriction, *self.contour, *self.touch]
+        sensors = self.recording.sensor if self.recording else ()
+        return [*self.target, *self.point, *self.constriction, *self.contour, *self.touch, *sensors]
 
 
 @dataclass(frozen=True)
@@ -116,6 +172,7 @@ class Task:
     scenario: Scenario
     paths: Mapping[str, Track]
     contours: Mapping[str, Floats]
+    recording: Recording | None = None
 
     def search(self, goals: Mapping[str, Goal]) -> Search:
         """What is sought, with these goals."""
@@ -153,9 +210,58 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         rows = _rows_of(table, 4, "four columns, time in s and displacement backward, to the right and up,")
         with within(table):
             paths[name] = Track(rows[:, 0], UNITS[section.unit] * rows[:, 1:], name)
+    recording = None
+    if (told := file.recording) is not None:
+        columns = {name: sensor.columns for name, sensor in told.sensor.items()} | ({JAW: told.jaw.columns} if told.jaw else {})
+        recording = Recording.read(path.parent / told.table, told.time, columns, Frame(told.unit, told.axes))
     for name, drawn in file.contour.items():
         contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(path.parent / drawn.table, 2, "two columns, backward and up,")
-    return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths, contours)
+    return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths, contours, recording)
+
+
+def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
+    """A task whose scenario has the sensors of a recording as probes, and the jaw's motion, and whose paths are theirs too; says how the
+    speaker was laid on the tongue.
+
+    Raises
+    ------
+    InputError
+        If a sensor has no place on the tongue, or the jaw moves already.
+    """
+    told, recording = task.file.recording, task.recording
+    if told is None or recording is None:
+        return task
+    output.mkdir(parents=True, exist_ok=True)
+    simulation = simulation_of(task.scenario, output)
+    tongue = simulation.model.tongue
+    glued = {}
+    for name, sensor in told.sensor.items():
+        if sensor.behind_tip is not None:
+            glued[name] = behind_tip(tongue, MM * sensor.behind_tip)
+        elif isinstance(sensor.at, str):
+            glued[name] = Probes(tongue, {name: sensor.at}).rest[name]
+        else:
+            glued[name] = MM * np.array(sensor.at)
+    timing = Timing(told.rest if told.begin is None else told.begin, told.lead)
+    laid, apart = lay(recording, told.rest, glued, told.align)
+    turn = np.degrees(np.arctan2(laid.rotation[0, 2], laid.rotation[0, 0]))
+    say(f"recording: turned by {turn:.1f}°, scaled by {laid.scale:.2f}; at rest the sensors lie {1e3 * apart:.1f} mm from their points")
+    data = task.scenario.model_dump(exclude_none=True)
+    data["probes"] = {name: list(point) for name, point in (simulation.probes.rest | glued).items()}
+    if told.jaw:
+        if JAW in task.scenario.boundary.moving:
+            raise InputError(f"recording.jaw: the {JAW} moves already, in boundary.moving; one of both is expected.")
+        centre = MM * np.array(told.jaw.centre)
+        pieces = recording.jaw(JAW, laid, told.rest, timing, centre)
+        data["boundary"]["fixed"] = [name for name in data["boundary"]["fixed"] if name != JAW]
+        data["boundary"]["moving"] = data["boundary"].get("moving", {}) | {
+            JAW: {"angle": pieces, "centre": list(centre), "axis": [0.0, -1.0, 0.0]}
+        }
+        for name in JAWS & data["contact"].keys():
+            data["contact"][name]["moves_with"] = JAW
+    paths = recording.tracks(list(glued), laid, told.rest, timing, told.lateral)
+    file = task.file.model_copy(update={"since": max(task.file.since, told.lead)})
+    return replace(task, file=file, scenario=Scenario.model_validate(data), paths={**task.paths, **paths})
 
 
 def _rows_of(table: Path, columns: int, what: str) -> Floats:

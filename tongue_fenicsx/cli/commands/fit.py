@@ -49,6 +49,7 @@ def fit(
 
     try:
         with within(file):
+            task = fit_file.glue(task, output, console.print)
             found = fit_file.fit(task, output, say)
     except Interrupted as signal:
         if not (best := output / fit_file.BEST).exists():

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""``python -m benchmarks.twins [--seeds FIRST LAST]``: muscles from a movement whose muscles are known.
+
+Eleven muscles at random (knots every 50 ms, levels to 0.5) move the coarse tongue among all bones for 300 ms; the paths of five points,
+each coordinate every 10 ms with 0.2 mm of noise, are what the fit sees. It begins with the reduced tongue, which also says what the data
+leave open. Of the combinations of levels that they determine, and of intervals, the table says how far from the truth they are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+
+import tongue_fenicsx as tf
+from tongue_fenicsx.core.tables import markdown
+from tongue_fenicsx.core.types import Floats
+from tongue_fenicsx.reduced.tongue import ReducedTongue
+from tongue_fenicsx.scenario.build import activation_of, simulation_of
+from tongue_fenicsx.scenario.schema import Scenario
+from tongue_fenicsx.studies import designs
+from tongue_fenicsx.studies.fitting import Fit, Search, fit, guess
+from tongue_fenicsx.studies.goals import Track
+from tongue_fenicsx.studies.openness import DETERMINED, nearby, openness
+
+from . import measure
+from .__main__ import FOLDER, say
+
+END, KNOT, EVERY, NOISE = 0.3, 0.05, 0.01, 0.2
+"""Of the movement, between knots and between measurements, in s; of each coordinate, in mm."""
+BONES = ("palate", "velum", "upper_teeth", "lower_teeth", "mandible", "pharynx")
+LOOKED_AT = ("tip", "dorsum", "root")
+HEAD = [
+    "seed",
+    *(f"{name} (mm)" for name in LOOKED_AT),
+    "left of the data (mm)",
+    "combinations determined, of all",
+    "of these off (rms, most)",
+]
+HEAD += ["levels within their intervals", "levels off (rms)", "runs", "s"]
+
+
+def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
+    """A line of the table."""
+    scenario = Scenario.model_validate(
+        {
+            "mesh": {"file": str(measure.mesh("coarse", FOLDER).absolute())},
+            "tissue": {"preset": "buchaillard"},
+            "time": {"end": END, "step": 0.005},
+            "output": {"every": KNOT},
+            "contact": {name: {} for name in BONES},
+        }
+    )
+    (change,) = designs.random_activations(
+        tongue.muscles, 1, seed, END, level=(0.0, 0.5), spacing=(KNOT, 3 * KNOT), rest=0.5, hold=0.3, grid=KNOT
+    )
+    pieces = {key.removeprefix("activation."): {"pieces": value} for key, value in change.items()}
+    truth = activation_of(Scenario.model_validate(scenario.model_dump(exclude_none=True) | {"activation": pieces}))
+    begin = time.perf_counter()
+    simulation = simulation_of(scenario, FOLDER)
+    run = simulation.run(truth, END)
+    random, times = np.random.default_rng(seed), np.linspace(EVERY, END, round(END / EVERY))
+    paths = {}
+    for name, displacement in run.probes.items():
+        place = np.column_stack([np.interp(times, run.time, along) for along in displacement.T])
+        paths[name] = Track(times, place + 1e-3 * NOISE * random.standard_normal(place.shape), name)
+    search = Search(paths, tongue.muscles, np.linspace(0.0, END, round(END / KNOT) + 1))
+    start = guess(tongue, search, simulation.probes.rest)
+    found = fit(simulation, search, start=start, iterations=iterations)
+    again = simulation.run(found.activation, END)
+    off = [_rms(1e3 * np.linalg.norm(np.array([again.probes[n] - run.probes[n]]), axis=2)) for n in LOOKED_AT]
+    known = openness(
+        found, paths, NOISE, _reduced(tongue, found, simulation), {n: _reduced(tongue, f, simulation) for n, f in _moved(found)}
+    )
+    wrong = {name: levels[1:] - [truth[name](t) for t in found.knots[1:]] for name, levels in found.levels.items()}
+    sure = [
+        sum(float(along @ wrong[name]) for name, along in shares.items()) for sigma, shares in known.combinations if sigma <= DETERMINED
+    ]
+    within = [abs(along) <= 2 * known.deviations[name] for name, along in wrong.items()]
+    return [
+        str(seed), *(f"{d:.2f}" for d in off), f"{_rms(np.array(list(found.distance.values()))):.2f}",
+        f"{len(sure)} of {len(known.combinations)}", f"{_rms(np.array(sure)):.3f}, {max(map(abs, sure)):.3f}",
+        f"{100 * float(np.mean(within)):.0f} %", f"{_rms(np.array(list(wrong.values()))):.2f}",
+        str(found.evaluations), f"{time.perf_counter() - begin:.0f}",
+    ]  # fmt: skip
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _moved(found: Fit) -> list[tuple[str, Fit]]:
+    return [(name, Fit(found.knots, levels, {}, 0.0, 0)) for name, levels in nearby(found)]
+
+
+def _reduced(tongue: ReducedTongue, found: Fit, simulation: tf.Simulation) -> tf.Run:
+    """What stands for a run: probes of the reduced tongue, moved by the levels of a fit."""
+    times = np.linspace(0.0, END, round(END / EVERY) + 1)
+    levels = np.column_stack([np.interp(times, found.knots, found.levels[name]) for name in tongue.muscles])
+    nodes = np.array([np.linalg.norm(tongue.points - point, axis=1).argmin() for point in simulation.probes.rest.values()])
+    moved = tongue.displacement(tongue.sequence(times, levels)[0], nodes)
+    return cast(tf.Run, SimpleNamespace(time=times, probes=dict(zip(simulation.probes.names, moved.swapaxes(0, 1), strict=True))))
+
+
+def main() -> None:
+    """Print the table as it comes."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.twins", description=__doc__)
+    parser.add_argument("--seeds", type=int, nargs=2, default=(1, 10), metavar=("FIRST", "LAST"))
+    parser.add_argument("--iterations", type=int, default=8)
+    chosen = parser.parse_args()
+    tongue, rows = ReducedTongue.shipped(), []
+    for seed in range(chosen.seeds[0], chosen.seeds[1] + 1):
+        rows.append(twin(seed, tongue, chosen.iterations))
+        say(" | ".join(rows[-1]))
+    print(markdown(HEAD, rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""Articulography: what sensors glued to a speaker's tongue and jaw ask of ours."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import find_peaks
+from scipy.spatial.transform import Rotation
+
+from ..anatomy.subject import Frame
+from ..core.errors import InputError, reading
+from ..core.types import Floats, Ints
+from ..geometry.polyline import arc_length
+from ..geometry.registration import Similarity
+from ..meshing.tongue_mesh import TongueMesh
+from .goals import Track, skin_of
+
+STILL = 0.3
+"""In degrees: the jaw turns back where it has gone farther than this."""
+SAGITTAL = np.array([1.0, 0.0, 1.0])
+ALIGNMENTS = ("none", "rigid", "scale")
+
+
+@dataclass(frozen=True)
+class Timing:
+    """A run begins at rest, `lead` seconds before time `begin` of a table."""
+
+    begin: float
+    lead: float
+
+    def of(self, times: Floats) -> tuple[Floats, Ints]:
+        """Times in s of the run, and which rows of the table they are."""
+        rows = np.flatnonzero(times >= self.begin)
+        return times[rows] - self.begin + self.lead, rows
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Places of sensors over time.
+
+    Attributes
+    ----------
+    times : (n,) array
+        In s, growing.
+    places : dict
+        Sensor to its places (n, 3) in m, in our axes.
+    """
+
+    times: Floats
+    places: dict[str, Floats]
+
+    @classmethod
+    def read(cls, table: Path, time: str, columns: Mapping[str, Sequence[str]], frame: Frame) -> Recording:
+        """Read a table with a line of names, of which `columns` names three for each sensor; lines that begin with # are skipped.
+
+        Raises
+        ------
+        InputError
+            If a column is missing, has a cell that is no finite number, or times do not grow.
+        """
+        with reading(table, "a table with a line of names"), open(table, newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+        found = rows[0] if rows else {}
+        for name in [time, *(name for names in columns.values() for name in names)]:
+            if name not in found:
+                raise InputError(f"{table}: no column {name!r}; it has {', '.join(map(str, found)) or 'no line'}.")
+        with reading(table, "numbers in all columns that are named"):
+            times = np.array([float(row[time]) for row in rows])
+            places = {name: frame.metres([[float(row[c]) for c in names] for row in rows]) for name, names in columns.items()}
+        if not (np.diff(times) > 0).all() or not all(np.isfinite(at).all() for at in (times, *places.values())):
+            raise InputError(f"{table}: times that grow and finite places are expected; leave out the lines where a sensor was lost.")
+        return cls(times, places)
+
+    def at(self, sensor: str, t: float) -> Floats:
+        """The place (3,) of a sensor at a time."""
+        return np.array([np.interp(t, self.times, along) for along in self.places[sensor].T])
+
+    def tracks(self, sensors: Sequence[str], laid: Similarity, rest: float, timing: Timing, lateral: bool) -> dict[str, Track]:
+        """Paths of sensors as they are laid on our tongue, from where they are at time `rest` of the table."""
+        times, rows = timing.of(self.times)
+        paths = {}
+        for name in sensors:
+            moved = laid.scale * (self.places[name][rows] - self.at(name, rest)) @ laid.rotation.T
+            paths[name] = Track(times, moved * (1.0 if lateral else SAGITTAL), name)
+        return paths
+
+    def jaw(self, sensor: str, laid: Similarity, rest: float, timing: Timing, centre: Floats) -> list[tuple[float, float, float]]:
+        """The turn in degrees of a jaw with a sensor about the transverse axis through `centre` (3,) in m, downward, from where it is at
+        time `rest` of the table: (duration, start, target) to where the recording begins and from one turning point to the next."""
+        times, rows = timing.of(self.times)
+        x, _, z = (laid.forward(np.vstack([self.at(sensor, rest), self.places[sensor][rows]])) - centre).T
+        angle = np.degrees(np.unwrap(np.arctan2(z, x)))
+        angle = angle[1:] - angle[0]
+        turns = [find_peaks(sign * angle, prominence=STILL)[0] for sign in (1, -1)]
+        at = np.unique(np.concatenate([[0, len(angle) - 1], *turns]))
+        times, angle = np.append(0.0, times[at]), np.append(0.0, angle[at])
+        return list(zip(np.diff(times), angle[:-1], angle[1:], strict=True))
+
+
+def lay(recording: Recording, rest: float, glued: Mapping[str, Floats], align: str) -> tuple[Similarity, float]:
+    """How a speaker's mid-sagittal plane is laid on ours: with the least distance of the sensors at rest from the points (3,) that they are
+    glued to, by a turn and a shift ("rigid"), also a scale, or without a turn ("none"); and the root mean square in m that is left."""
+    theirs, ours = (np.array(places) * SAGITTAL for places in ([recording.at(name, rest) for name in glued], list(glued.values())))
+    a, b = ((places - places.mean(axis=0)) @ [1, 0, 1j] for places in (theirs, ours))
+    turn = np.vdot(a, b) / max(np.vdot(a, a).real, 1e-12)  # the least squares of b − turn a
+    if align == "none":
+        turn = 1.0
+    elif len(glued) < 2:
+        raise InputError('recording.align: one sensor does not tell how the head was turned; at least two, or "none" is expected.')
+    rotation = Rotation.from_rotvec([0.0, -np.angle(turn), 0.0]).as_matrix()
+    scale = float(abs(turn)) if align == "scale" else 1.0
+    laid = Similarity(rotation, scale, ours.mean(axis=0) - scale * rotation @ theirs.mean(axis=0))
+    return laid, float(np.sqrt(((laid.forward(theirs) - ours) ** 2).sum(axis=1).mean()))
+
+
+def behind_tip(tongue: TongueMesh, length: float) -> Floats:
+    """The point (3,) in m of the mid-line at a length in m behind the tip, along the dorsum.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no landmarks tip and dorsum, no mid-plane, or the mid-line is shorter.
+    """
+    if missing := {"tip", "dorsum"} - tongue.landmarks.keys():
+        raise InputError(f"recording: the tongue has no landmark {sorted(missing)[0]!r}; give the point as at = [x, y, z].")
+    outline = skin_of(tongue)[1]
+    begin, top = (int(np.linalg.norm(outline.points - tongue.landmarks[name], axis=1).argmin()) for name in ("tip", "dorsum"))
+    beside: dict[int, list[int]] = {}
+    for a, b in outline.pieces:
+        beside.setdefault(int(a), []).append(int(b))
+        beside.setdefault(int(b), []).append(int(a))
+    ways = []
+    for first in beside[begin]:
+        way = [begin, first]
+        while way[-1] != begin:
+            way.append(next(node for node in beside[way[-1]] if node != way[-2]))
+        ways.append(way)
+    way = min(ways, key=lambda nodes: nodes.index(top))
+    line = outline.points[way]
+    along = arc_length(line)
+    if not 0 <= length <= along[-1] / 2:
+        raise InputError(f"recording: {1e3 * length:g} mm behind the tip; from 0 to {1e3 * along[-1] / 2:.0f} is expected.")
+    return np.array([np.interp(length, along, coordinate) for coordinate in line.T])
