@@ -100,6 +100,12 @@ def copied(folder: Path, to: Path) -> Path:
     return to
 
 
+def chosen_from(page: Page) -> list[str]:
+    """The runs of the selector."""
+    (selector,) = re.findall(r'<select id="selector".*?</select>', page.text)
+    return re.findall(r"<option[^>]*>(.*?)</option>", selector)
+
+
 def contents(folder: Path) -> dict[Path, tuple[bytes, int]]:
     return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.rglob("*") if path.is_file()}
 
@@ -122,7 +128,7 @@ def test_everything_is_there_and_nothing_comes_from_outside(done: Path, tmp_path
     assert len(drawn) == 6
     assert {of["src"].removeprefix("data:image/png;base64,") for of in page.pictures} == drawn
     assert all(len(of["alt"]) > 20 for of in page.pictures)
-    charts = ["Paths", "Displacement", "Von Mises", "Volume", "Energies", "Force of contact", "Area of contact"]
+    charts = ["Paths", "Activation", "Displacement", "Von Mises", "Volume", "Energies", "Force of contact", "Area of contact"]
     assert [label[:5] for label in page.labels] == [name[:5] for name in charts]
     assert all(name in page.labels[0] for name in ("tip", "dorsum", "root", "edge left"))
     assert (done / "scenario.toml").read_text() in page.words
@@ -159,6 +165,13 @@ def test_the_motion_in_the_page_is_that_of_the_run(done: Path, tmp_path: Path, m
         np.testing.assert_allclose(moved[-1], everywhere[nearest], atol=largest / 3e4)
         assert shown["largest"] == pytest.approx(1e3 * largest, rel=1e-6)
         assert shown["start"] == 4
+        volumes = shown["fields"]["jacobian"]
+        there = volumes["low"] + (volumes["high"] - volumes["low"]) / 255 * np.frombuffer(base64.b64decode(volumes["values"]), "<u1")
+        every = points if fine else known
+        for i in range(0, len(rest), 50):
+            node = int(np.linalg.norm(points - every[nearest[i]], axis=1).argmin())
+            around = run.field("jacobian")[(cells == node).any(axis=1)].mean()
+            assert there.reshape(5, -1)[-1, i] == pytest.approx(around, abs=(volumes["high"] - volumes["low"]) / 500)
         np.testing.assert_allclose(shown["times"], run.output_times)
         sizes.append(len(rest))
     assert sizes[1] < sizes[0] / 3
@@ -190,14 +203,14 @@ def test_several_runs(done: Path, tmp_path: Path) -> None:
     """A selector, every run, and the paths of all of them in one chart a probe; names that repeat become paths."""
     other = copied(done, tmp_path / "other")
     page = Page(write_report([done, other], tmp_path / "page.html"))
-    assert re.findall(r"<option[^>]*>(.*?)</option>", page.text) == ["done", "other"]
+    assert chosen_from(page) == ["done", "other"]
     assert len(page.data["runs"]) == 2
     assert page.text.count("<article") == 2
     together = [label for label in page.labels if label.endswith("done, other.")]
     assert [label.split(":")[0] for label in together] == ["dorsum", "edge left", "edge right", "root", "tip"]
     same = copied(done, tmp_path / "elsewhere" / "done")
     page = Page(write_report([done, same, same], tmp_path / "page.html"))
-    names = re.findall(r"<option[^>]*>(.*?)</option>", page.text)
+    names = chosen_from(page)
     assert [name.split(": ")[1] for name in names] == [str(done), str(same), str(same)]
     assert len(set(names)) == 3
 
@@ -209,7 +222,7 @@ def test_many_runs(done: Path, tmp_path: Path) -> None:
         scenario = (folder / "scenario.toml").read_text()
         (folder / "scenario.toml").write_text(scenario.replace("[tissue]\n", f"[tissue]\nc10 = {c10}\n"))
     page = Page(write_report(folders, tmp_path / "page.html"))
-    assert re.findall(r"<option[^>]*>(.*?)</option>", page.text) == ["run1", "run2", "run10"]
+    assert chosen_from(page) == ["run1", "run2", "run10"]
     assert re.findall(r"<code>(.*?)</code>", page.text) == ["tissue.c10"]
     assert re.findall(r'<td class="setting">(.*?)</td>', page.text) == ["100.0", "200.0", "300.0"]
     one = Page(write_report(folders[:1], tmp_path / "one.html"))
@@ -364,6 +377,21 @@ def test_a_browser_turns_and_moves_the_tongue(done: Path, tmp_path: Path, browse
         toggle.click()
         assert differing(first, pixels(window)) == 0
 
+    for change in ("#cut", "#colour option[value='jacobian']"):
+        window.find_element("css selector", change).click()
+        assert differing(first, pixels(window)) > 3_000
+    window.find_element("css selector", "#colour option[value='displacement']").click()
+    window.find_element("id", "cut").click()
+    assert differing(first, pixels(window)) == 0
+    window.execute_script("URL.createObjectURL = (content) => { window.saved = content; return 'data:,'; };")
+    window.find_element("id", "table").click()
+    head, *rows = window.execute_async_script("const done = arguments[0]; window.saved.text().then(done);").splitlines()
+    run = tf.Run(done)
+    np.testing.assert_allclose([float(cell) for cell in rows[-1].split(",")], [c[-1] for c in run.to_dict().values()], rtol=1e-4)
+    assert head.split(",") == list(run.to_dict())
+    window.find_element("id", "picture").click()
+    _wait(lambda: window.execute_script("return window.saved.type;") == "image/png")
+
     slider.send_keys(Keys.HOME)
     at_rest = pixels(window)
     assert slider.get_attribute("value") == "0"
@@ -418,6 +446,10 @@ def test_a_browser_changes_runs(done: Path, tmp_path: Path, browser: Browser) ->
     before = pixels(window)
     shown = [article.is_displayed() for article in window.find_elements("css selector", "article.run")]
     assert shown == [True, False]
+    window.find_element("css selector", "#other option[value='1']").click()
+    assert differing(before, pixels(window)) > 1_000
+    window.find_element("css selector", "#other option[value='-1']").click()
+    assert differing(before, pixels(window)) == 0
     window.find_element("css selector", "#selector option[value='1']").click()
     assert differing(before, pixels(window)) > 3_000
     shown = [article.is_displayed() for article in window.find_elements("css selector", "article.run")]

@@ -41,6 +41,13 @@ def boundary(cells: Ints, most: int | None = None) -> tuple[Ints, Ints]:
     return nodes, places.reshape(-1, 3)
 
 
+def mid_sides(points: Floats, cells: Ints) -> Ints:
+    """The sides (n, 6) of quadratic tetrahedra (n_cells, 10) of a mirrored tongue that lie in the mid-plane y = 0, each once."""
+    sides = cells[:, SIDES].reshape(-1, 6)
+    sides = sides[(abs(points[:, 1]) < PLANE)[sides].all(axis=1)]
+    return np.asarray(sides[np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True)[1]])
+
+
 def mid_edges(points: Floats, triangles: Ints) -> Ints:
     """The edges (n, 2) of a mirrored surface's triangles that lie in the mid-plane y = 0: its mid-sagittal outline."""
     edges = np.vstack([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])

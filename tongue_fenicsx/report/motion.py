@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.types import Floats, Ints
 from ..geometry.surface import Surface
-from ..geometry.tetrahedron import boundary, volumes
+from ..geometry.tetrahedron import QUARTERS, boundary, mid_sides, volumes
 from ..runs.run import Run
 
 FINE = 20_000
@@ -19,6 +19,9 @@ FINE = 20_000
 
 STRAIN = "hencky_von_mises"
 """The field of which `strain` is."""
+
+COLOURS = {STRAIN: "strain (von Mises, Hencky)", "jacobian": "volume over rest volume, J", "cauchy": "stress (von Mises) in kPa"}
+"""Fields of the cells that the surface is coloured by, where a run has them."""
 
 OBSTACLE = 12_000
 """Triangles of an obstacle that are shown at most."""
@@ -71,9 +74,10 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
     -------
     dict
         ``times`` in s; ``outputs``, how many there were; ``start``, the frame farthest from rest; ``largest``, the largest
-        displacement; ``rest`` (n, 3) and ``triangles`` (m, 3), numbers in `shared`; ``displacement`` (n_frames, n, 3) as 16-bit integers in
-        base64, times ``unit``; ``obstacles``, each with ``name``, ``points``, ``triangles`` and one ``poses`` row per frame, a
-        rotation (9) and an offset (3).
+        displacement; ``rest`` (n, 3), ``triangles`` (m, 3) and those of the mid-sagittal ``section``, numbers in `shared`; ``displacement``
+        (n_frames, n, 3) as 16-bit integers in base64, times ``unit``; ``fields``, each with ``low``, ``high`` and ``values`` (n_frames, n)
+        between them as 8-bit integers in base64; ``obstacles``, each with ``name``, ``points``, ``triangles`` and one ``poses`` row per
+        frame, a rotation (9) and an offset (3).
 
     Raises
     ------
@@ -84,6 +88,10 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
     kept = evenly(len(outputs), frames)
     points, cells = run.mesh
     nodes, triangles = boundary(cells, FINE)
+    inner = mid_sides(points, cells)
+    inner = inner[:, QUARTERS].reshape(-1, 3) if np.isin(cells[:, 4:], nodes).any() else inner[:, :3]
+    drawn, places = np.unique(np.concatenate([nodes[triangles], inner]), return_inverse=True)
+    nodes, triangles, inner = drawn, *np.split(places.reshape(-1, 3), [len(triangles)])
     u = 1e3 * np.array([run.field("displacement", int(index))[nodes] for index in kept])
     if not np.isfinite(u).all():
         raise ValueError("a displacement is not finite")
@@ -95,10 +103,28 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
         "largest": float(np.linalg.norm(u, axis=2).max()),
         "rest": shared.put(1e3 * points[nodes], "<f4"),
         "triangles": shared.put(triangles, "<u4"),
+        "section": shared.put(inner, "<u4"),
+        "fields": {name: _colours(run, name, kept, nodes) for name in COLOURS if name in run.fields},
         "unit": unit,
         "displacement": pack((u / unit).round(), "<i2"),
         "obstacles": [_obstacle(run, name, surface, kept, shared) for name, surface in run.obstacles_at_rest.items()],
     }
+
+
+def _colours(run: Run, name: str, outputs: Ints, nodes: Ints) -> dict[str, Any]:
+    """A field of the cells at nodes, the mean of the cells around each."""
+    cells = run.mesh[1]
+    around = np.bincount(cells.ravel())
+    values = []
+    for index in outputs:
+        field = run.field(name, int(index))
+        if field.ndim == 3:  # a stress
+            shear = field - np.trace(field, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+            field = 1e-3 * np.sqrt(1.5 * (shear**2).sum(axis=(1, 2)))
+        values.append((np.bincount(cells.ravel(), np.repeat(field, cells.shape[1])) / around)[nodes])
+    low, high = float(np.min(values)), float(np.max(values))
+    share = (np.array(values) - low) / ((high - low) or 1.0)
+    return {"low": low, "high": high, "values": pack((255 * share).round(), "<u1")}
 
 
 def _obstacle(run: Run, name: str, surface: Surface, outputs: Ints, shared: Shared) -> dict[str, Any]:

@@ -15,12 +15,13 @@ from markupsafe import Markup
 from PIL import Image
 
 from ..analysis.comparison import MISSING, OUTCOME, Quantities, differing_keys
+from ..anatomy.catalogue import base_name
 from ..core.errors import reading
 from ..core.types import Floats
 from ..runs.figures import FIGURES
 from ..runs.run import Run
 from .charts import Line, chart
-from .motion import STRAIN, Shared, motion, strain
+from .motion import COLOURS, STRAIN, Shared, evenly, motion, strain
 from .templating import include, render
 
 STATUS = {
@@ -29,6 +30,9 @@ STATUS = {
     "failed": "The solve failed before the end: the page shows the run up to its last good state.",
 }
 KILLED = "There is no summary: the run was killed, or it still goes on. The page shows what was on disk."
+
+ROWS = 1000
+"""Of the table of a run at most."""
 
 SOLVER: Quantities = {
     "n_nodes": ("nodes", 1, ""),
@@ -90,9 +94,10 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool, limit: int, sha
     motions, articles, size = [], [], 0
     for label, run in runs.items():
         with run.reading("fields.h5"):
-            motions.append(motion(run, detail.frames, shared))
+            motions.append(motion(run, detail.frames, shared) | {"label": label, "table": _table(run)})
         articles.append(_article(label, run, motions[-1], detail))
-        size += len(motions[-1]["displacement"]) + len(articles[-1])
+        fields = sum(len(field["values"]) for field in motions[-1]["fields"].values())
+        size += len(motions[-1]["displacement"]) + fields + len(motions[-1]["table"]) + len(articles[-1])
         if size + sum(map(len, shared.texts)) > limit:
             return None
     text = render(
@@ -100,13 +105,30 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool, limit: int, sha
         title=_title(list(runs)),
         style=include("page.css"),
         script=include("stage.js") + include("viewer.js"),
-        data={"largest": max(m["largest"] for m in motions), "shared": shared.texts, "runs": motions},
+        data={"scales": (scales := _scales(motions)), "shared": shared.texts, "runs": motions},
+        scales=scales,
         labels=list(runs),
         together=_together(runs) if len(runs) > 1 else "",
         detail=detail if reduced else None,
         runs=Markup().join(articles),
     ).encode()
     return text if len(text) <= limit else None
+
+
+def _scales(motions: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """By what the surface is coloured: label, and the least and the greatest value in all runs."""
+    scales = {"displacement": {"label": "displacement in mm", "low": 0.0, "high": max(m["largest"] for m in motions)}}
+    for name, label in COLOURS.items():
+        if of := [m["fields"][name] for m in motions if name in m["fields"]]:
+            scales[name] = {"label": label, "low": min(field["low"] for field in of), "high": max(field["high"] for field in of)}
+    return scales
+
+
+def _table(run: Run) -> str:
+    """The history as CSV in SI units."""
+    columns = run.to_dict()
+    rows = np.column_stack(list(columns.values()))[evenly(len(run.time), ROWS)]
+    return "\n".join([",".join(columns), *(",".join(f"{value:.5g}" for value in row) for row in rows)]) + "\n"
 
 
 def _title(labels: list[str]) -> str:
@@ -176,6 +198,13 @@ def _charts(run: Run) -> Markup:
         if lines:
             charts.append(chart(title, "time in ms", y_label, lines, over_time=True))
 
+    sides: dict[str, Floats] = {}
+    for name, level in run.activation.items():
+        other = run.activation.get(f"{base_name(name)}_L")
+        alike = other is not None and np.array_equal(other, level)
+        if level.any():
+            sides[base_name(name) if alike else name] = level
+    over_time("Activation", "level", [Line(name, time, level) for name, level in sides.items()])
     lengths = {name: 1e3 * np.linalg.norm(u, axis=1) for name, u in probes.items()}
     over_time("Displacement of the probes", "mm", [Line(name, time, length) for name, length in lengths.items()])
     strains: dict[str, Floats] = {}

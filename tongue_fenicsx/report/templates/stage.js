@@ -54,9 +54,10 @@ const makeStage = (canvas, ask) => {
       }`);
     add(gl.FRAGMENT_SHADER, `
       precision highp float;
-      uniform vec3 eye; uniform vec4 colour; uniform float largest; uniform float plain; uniform sampler2D table;
+      uniform vec3 eye; uniform vec4 colour; uniform float largest; uniform float plain; uniform float cut; uniform sampler2D table;
       varying vec3 place; varying vec3 facing; varying float amount;
       void main() {
+        if (place.y < cut) discard;
         float light = 1.0;
         vec3 base = colour.rgb;
         if (plain < 0.5) {
@@ -71,7 +72,7 @@ const makeStage = (canvas, ask) => {
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
     gl.useProgram(made);
-    return Object.fromEntries(["view", "pose", "eye", "colour", "largest", "plain"].map((name) => [name, gl.getUniformLocation(made, name)]));
+    return Object.fromEntries(["view", "pose", "eye", "colour", "largest", "plain", "cut"].map((name) => [name, gl.getUniformLocation(made, name)]));
   };
   const colours = () => {
     const pixels = new Uint8Array(4 * 256);
@@ -127,13 +128,14 @@ const makeStage = (canvas, ask) => {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
     gl.drawElements(kind, part.count, gl.UNSIGNED_INT, 0);
   };
-  const begin = (centre, radius) => { // a picture of what lies around a centre
+  const begin = (centre, radius, cut = -1e6) => { // a picture of what lies around a centre; what has a smaller y than `cut` is left out
     const ratio = window.devicePixelRatio || 1;
     const width = Math.max(Math.round(canvas.clientWidth * ratio), 1), height = Math.max(Math.round(canvas.clientHeight * ratio), 1);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.uniform1f(uniforms.cut, cut);
     look(centre, radius);
   };
   const turn = (yaw, pitch) => {
