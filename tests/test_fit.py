@@ -139,6 +139,10 @@ def test_goals_on_a_circle() -> None:
     surface = np.array([[0.0, 0.0, 0.01], [0.0, 0.005, 0.01]])
     nearest = goals.Touch(surface, np.array([[0.0, 0.0, 12.0], [0.0, 5.0, 11.0]]))
     assert nearest(0.0, {name: np.zeros(3) for name in nearest.points})[0] == pytest.approx((4 + 1) / 2)
+    square = np.array([[0.0, 0, 0], [0.02, 0, 0], [0.02, 0.02, 0], [0, 0.02, 0]])
+    above = np.array([[5.0, 4.0, 3.0], [12.0, 15.0, -1.0], [24.0, 10.0, 3.0]])  # the last one beside it, 5 mm from an edge
+    cover = goals.Cover(square, np.array([[0, 1, 2], [0, 2, 3]]), above)
+    assert cover(0.0, {name: np.zeros(3) for name in cover.points})[0] == pytest.approx((9 + 1 + 25) / 3)
     inside = goals.Within("tip", np.array([-5.0, -np.inf, 0.0]), np.array([-2.0, np.inf, np.inf]))
     assert inside(0.0, {"tip": np.array([1e-3, 9.0, -2e-3])})[0] == pytest.approx(3**2 + 2**2)
 
@@ -153,6 +157,7 @@ def test_goals_have_the_derivatives_of_their_values() -> None:
         "bounds": goals.Within("tip", np.array([0.1, -1.0, 0.2]), np.array([0.2, 1.0, np.inf])),
         "narrow": goals.Constriction(outline, wall, (1.0, 2.0)),
         "drawn": goals.Contour(outline, 11 * random.standard_normal((25, 2))),
+        "cover": goals.Cover(surface, random.integers(0, 30, (60, 3)), 12 * random.standard_normal((20, 3))),
         "touch": goals.Touch(surface, 12 * random.standard_normal((20, 3))),
     }
     names = ["tip", *(name for goal in some.values() for name in goal.points)]
@@ -171,7 +176,9 @@ def test_goals_have_the_derivatives_of_their_values() -> None:
 
 def test_the_outline_of_a_tongue(tongue: tf.TongueMesh) -> None:
     """It is closed: every point of it ends two pieces; its points and the surface's are nodes of the quadratic tongue."""
-    surface, outline = goals.skin_of(tongue)
+    (surface, triangles), outline = goals.skin_of(tongue), goals.outline_of(tongue)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}
     assert set(np.bincount(outline.pieces.ravel())) == {2}
     assert abs(outline.points[:, 1]).max() < 1e-9
     assert np.linalg.norm(outline.points - tongue.landmarks["tip"], axis=1).min() < 3e-3
@@ -179,7 +186,7 @@ def test_the_outline_of_a_tongue(tongue: tf.TongueMesh) -> None:
     aside = box((0.02, 0.01, 0.01), (2, 1, 1))
     aside.mesh.geometry.x[:, 1] += 1e-3
     with pytest.raises(tf.InputError, match="no faces on the mid-plane"):
-        goals.skin_of(aside)
+        goals.outline_of(aside)
 
 
 def test_what_is_open() -> None:

@@ -8,17 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
-from ..analysis.tongue_grid import grids, skin
+from ..analysis.tongue_grid import cut, grids, mid_plane, outline, skin
 from ..anatomy.catalogue import CATALOGUE
 from ..core.types import Floats
 from ..runs.run import Run
-from .canvas import COLOURS, open_plotter, save_both
+from .canvas import BONE, COLOURS, curves, open_plotter, save_both
 
 VIEWS = {
     "from above": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
@@ -26,17 +28,22 @@ VIEWS = {
     "from the front left": ((-1.0, -0.9, 0.5), (0.0, 0.0, 1.0)),
 }
 """Where the eye is, and what points up."""
+COLUMNS = len(VIEWS) + 2
 PIXELS = 800
+MUSCLE = "#f3c6c0"
 Image = NDArray[np.uint8]
 
 
-def draw_plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
-    """Draw the ends of the runs, coloured by displacement, each on a scale of its own, with the rest shape transparent.
+def draw_plate(runs: Mapping[str, Run], regions: Mapping[str, Floats], path: Path, title: str) -> list[Path]:
+    """Draw the ends of the runs, coloured by displacement, each on a scale of its own, with the rest shape transparent; and from the side
+    their mid-sagittal outlines among the bones, over the muscle.
 
     Parameters
     ----------
     runs : mapping
         Muscle to its run.
+    regions : mapping
+        Muscle to its tetrahedra (n, 4, 3) at rest in m.
     path : Path
         PNG file; a PDF lies beside it.
     title : str
@@ -53,7 +60,7 @@ def draw_plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     rows = -(-len(runs) // blocks)
     widths = [stack[0].shape[1] for stack in images.values()]
     height = max(stack[0].shape[0] for stack in images.values())
-    ratios = [*widths, 0.3 * max(widths)] * blocks  # the last for the scale
+    ratios = [*widths, 1.3 * max(widths), 0.3 * max(widths)] * blocks  # the last two for the side and the scale
     inch = 2.0 / max(widths)
     wide, tall = 0.3 + inch * sum(ratios), 1.2 + inch * rows * 1.13 * height
     figure = Figure(figsize=(wide, tall))
@@ -61,20 +68,35 @@ def draw_plate(runs: Mapping[str, Run], path: Path, title: str) -> list[Path]:
     grid = figure.add_gridspec(rows, len(ratios), width_ratios=ratios, wspace=0.02, hspace=0.13, **borders)
     for place, (name, (_, moved)) in enumerate(shapes.items()):
         block, line = divmod(place, rows)
-        for column, (view, stack) in enumerate(images.items()):
-            axes = figure.add_subplot(grid[line, 4 * block + column])
+        for column, stack in enumerate(images.values()):
+            axes = figure.add_subplot(grid[line, COLUMNS * block + column])
             axes.imshow(stack[place], interpolation="antialiased")
             axes.set_axis_off()
-            if line == 0:
-                spot = grid[0, 4 * block + column].get_position(figure)
-                figure.text((spot.x0 + spot.x1) / 2, 1 - 0.75 / tall, view, ha="center", fontsize=10, color="0.35")
             if column == 0:
                 axes.set_title(_label(name), loc="left", fontsize=11, fontweight="bold")
-        _scale(figure, grid[line, 4 * block + 3], _most(moved))
+        axes = figure.add_subplot(grid[line, COLUMNS * block + len(VIEWS)])
+        _side(axes, runs[name], 1e3 * regions[name], *shapes[name])
+        axes.set(xlim=(low[0] - 6, high[0] + 6), ylim=(low[2] - 4, high[2] + 10))
+        _scale(figure, grid[line, COLUMNS * block + len(VIEWS) + 1], _most(moved))
+        for column, view in enumerate([*VIEWS, "from the left, cut"] if line == 0 else []):
+            spot = grid[0, COLUMNS * block + column].get_position(figure)
+            figure.text((spot.x0 + spot.x1) / 2, 1 - 0.75 / tall, view, ha="center", fontsize=10, color="0.35")
     figure.suptitle(title, fontsize=14, y=1 - 0.1 / tall, va="top")
-    note = "colour: total displacement in mm, each muscle on a scale of its own; transparent: at rest"
+    note = "colour: total displacement in mm, each muscle on a scale of its own; transparent and dashed: at rest; red: the muscle"
     figure.text(0.5, 1 - 0.4 / tall, note, ha="center", va="top", fontsize=10)
     return save_both(figure, path, dpi=220)
+
+
+def _side(axes: Axes, run: Run, region: Floats, rest: pv.UnstructuredGrid, moved: pv.UnstructuredGrid) -> None:
+    """The outlines at rest and moved among the bones, over the tetrahedra (n, 4, 3) of a muscle at rest, lengths in mm."""
+    sides = region[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]][..., [0, 2]].reshape(-1, 3, 2)
+    axes.add_collection(PolyCollection(list(sides), facecolors=MUSCLE, edgecolors=MUSCLE, linewidths=0.3, rasterized=True))
+    for surface in run.obstacles().values():
+        axes.add_collection(curves(cut(surface, mid_plane(rest)), colors=BONE, linewidths=1.0))
+    axes.add_collection(curves(outline(rest), colors="0.5", linewidths=0.8, linestyles="--"))
+    axes.add_collection(curves(outline(moved), colors="0.15", linewidths=1.1))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
 
 
 def _most(moved: pv.UnstructuredGrid) -> float:

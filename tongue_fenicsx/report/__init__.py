@@ -14,7 +14,10 @@ from .page import Detail, page
 LIMIT = 15_000_000
 """Largest size of a page in bytes."""
 
-LEVELS = (Detail(60), Detail(60, 1000), Detail(30, 1000), Detail(15, 800), Detail(8, 640), Detail(4, 480), Detail(2, 320))
+LEVELS = (
+    *(Detail(60), Detail(60, 1000), Detail(30, 1000), Detail(15, 800)),
+    *(Detail(8, 640, whole=False), Detail(4, 480, whole=False), Detail(2, 320, whole=False)),
+)
 """How much of each run is shown, from the finest on."""
 
 

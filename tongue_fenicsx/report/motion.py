@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ class Shared:
         return self._surfaces[key]
 
 
-def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
+def motion(run: Run, frames: int, shared: Shared, colours: Sequence[str] = ()) -> dict[str, Any]:
     """The surface at rest, its displacement at some outputs, and the obstacles, lengths in mm.
 
     Parameters
@@ -69,6 +70,8 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
         How many outputs are kept at most.
     shared : Shared
         Gets the meshes.
+    colours : sequence of str
+        Fields of the cells, of which those that the run has come along.
 
     Returns
     -------
@@ -104,7 +107,7 @@ def motion(run: Run, frames: int, shared: Shared) -> dict[str, Any]:
         "rest": shared.put(1e3 * points[nodes], "<f4"),
         "triangles": shared.put(triangles, "<u4"),
         "section": shared.put(inner, "<u4"),
-        "fields": {name: _colours(run, name, kept, nodes) for name in COLOURS if name in run.fields},
+        "fields": {name: _colours(run, name, kept, nodes) for name in colours if name in run.fields},
         "unit": unit,
         "displacement": pack((u / unit).round(), "<i2"),
         "obstacles": [_obstacle(run, name, surface, kept, shared) for name, surface in run.obstacles_at_rest.items()],

@@ -64,10 +64,12 @@ MODEL: Quantities = {
 
 @dataclass(frozen=True)
 class Detail:
-    """How much of each run is shown: frames at most, and the largest width of a picture in pixels (None: as it is)."""
+    """How much of each run is shown: frames at most, the largest width of a picture in pixels (None: as it is), and whether fields that
+    the surface may be coloured by and the table are there."""
 
     frames: int
     width: int | None = None
+    whole: bool = True
 
 
 def page(runs: Mapping[str, Run], detail: Detail, reduced: bool, limit: int, shared: Shared) -> bytes | None:
@@ -94,7 +96,8 @@ def page(runs: Mapping[str, Run], detail: Detail, reduced: bool, limit: int, sha
     motions, articles, size = [], [], 0
     for label, run in runs.items():
         with run.reading("fields.h5"):
-            motions.append(motion(run, detail.frames, shared) | {"label": label, "table": _table(run)})
+            moved = motion(run, detail.frames, shared, list(COLOURS) if detail.whole else [])
+        motions.append(moved | {"label": label, "table": _table(run) if detail.whole else ""})
         articles.append(_article(label, run, motions[-1], detail))
         fields = sum(len(field["values"]) for field in motions[-1]["fields"].values())
         size += len(motions[-1]["displacement"]) + fields + len(motions[-1]["table"]) + len(articles[-1])

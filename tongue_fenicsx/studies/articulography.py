@@ -18,7 +18,7 @@ from ..core.types import Floats, Ints
 from ..geometry.polyline import arc_length
 from ..geometry.registration import Similarity
 from ..meshing.tongue_mesh import TongueMesh
-from .goals import Track, skin_of
+from .goals import Track, outline_of
 
 STILL = 0.3
 """In degrees: the jaw turns back where it has gone farther than this."""
@@ -128,7 +128,7 @@ def behind_tip(tongue: TongueMesh, length: float) -> Floats:
     """
     if missing := {"tip", "dorsum"} - tongue.landmarks.keys():
         raise InputError(f"recording: the tongue has no landmark {sorted(missing)[0]!r}; give the point as at = [x, y, z].")
-    outline = skin_of(tongue)[1]
+    outline = outline_of(tongue)
     begin, top = (int(np.linalg.norm(outline.points - tongue.landmarks[name], axis=1).argmin()) for name in ("tip", "dorsum"))
     beside: dict[int, list[int]] = {}
     for a, b in outline.pieces:

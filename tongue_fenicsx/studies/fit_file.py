@@ -22,6 +22,8 @@ from ..core.files import at_once
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
 from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, Vector, explain
+from ..geometry.registration import scatter
+from ..geometry.surface import read_surface
 from ..plotting.fit_sheet import draw_fit
 from ..reduced.tongue import ReducedTongue
 from ..runs.run import Run
@@ -33,7 +35,7 @@ from ..simulation.simulation import Simulation
 from . import fitting
 from .articulography import ALIGNMENTS, Recording, Timing, behind_tip, lay
 from .fitting import Fit, Search
-from .goals import Constriction, Contour, Goal, Touch, Track, Within, skin_of
+from .goals import Constriction, Contour, Cover, Goal, Touch, Track, Within, outline_of, skin_of
 from .openness import Openness, nearby, openness
 from .pool import Workers, perform, results
 from .sweep_file import base_of
@@ -82,6 +84,14 @@ class ContourSection(Section):
 
     table: str
     unit: Annotated[str, OneOf(names=UNITS)] = "mm"
+
+
+class SurfaceSection(Section):
+    """The whole surface, or a part of it, in the frame of the tongue, and how many places spread over it count."""
+
+    file: str
+    unit: Annotated[str, OneOf(names=UNITS)] = "mm"
+    places: Annotated[int, Real(low=10, high=5000, whole=True)] = 400
 
 
 class TouchSection(Section):
@@ -154,6 +164,7 @@ class FitFile(Section):
     point: Mapping[Name, PointSection] = {}
     constriction: Mapping[Name, ConstrictionSection] = {}
     contour: Mapping[Name, ContourSection] = {}
+    surface: Mapping[Name, SurfaceSection] = {}
     touch: Mapping[Name, TouchSection] = {}
     recording: RecordingSection | None = None
 
@@ -161,7 +172,7 @@ class FitFile(Section):
     def aims(self) -> list[str]:
         """Names of all that is to be reached."""
         sensors = self.recording.sensor if self.recording else ()
-        return [*self.target, *self.point, *self.constriction, *self.contour, *self.touch, *sensors]
+        return [*self.target, *self.point, *self.constriction, *self.contour, *self.surface, *self.touch, *sensors]
 
 
 @dataclass(frozen=True)
@@ -172,6 +183,7 @@ class Task:
     scenario: Scenario
     paths: Mapping[str, Track]
     contours: Mapping[str, Floats]
+    surfaces: Mapping[str, Floats]
     recording: Recording | None = None
 
     def search(self, goals: Mapping[str, Goal]) -> Search:
@@ -216,7 +228,11 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         recording = Recording.read(path.parent / told.table, told.time, columns, Frame(told.unit, told.axes))
     for name, drawn in file.contour.items():
         contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(path.parent / drawn.table, 2, "two columns, backward and up,")
-    return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths, contours, recording)
+    surfaces = {
+        name: 1e3 * UNITS[whole.unit] * scatter(read_surface(path.parent / whole.file), whole.places)
+        for name, whole in file.surface.items()
+    }
+    return Task(file, scenario_of(*base_of(file.base, path, changes), f"{path}: base"), paths, contours, surfaces, recording)
 
 
 def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
@@ -287,9 +303,12 @@ def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
     for name, bounds in file.point.items():
         low, high = np.transpose([span or (-np.inf, np.inf) for span in (bounds.x, bounds.y, bounds.z)])
         goals[name] = Within(name, low, high)
-    if not (file.constriction or file.contour or file.touch):
+    if not (file.constriction or file.contour or file.touch or file.surface):
         return goals
-    skin, outline = skin_of(simulation.model.tongue)
+    skin, triangles = skin_of(tongue := simulation.model.tongue)
+    goals |= {name: Cover(skin, triangles, places) for name, places in task.surfaces.items()}
+    if file.constriction or file.contour:
+        outline = outline_of(tongue)
     walls = {name: cut(surface) for name, surface in surfaces.items() if name in WALLS}
     for name, narrow in file.constriction.items():
         for wall in narrow.walls:

@@ -5,15 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
+from scipy.spatial import cKDTree
 
 from ..analysis.airway import feet
 from ..core.errors import InputError
 from ..core.types import Floats, Ints
-from ..geometry.tetrahedron import mid_edges
+from ..geometry.tetrahedron import QUARTERS, mid_edges
 from ..meshing.tongue_mesh import TongueMesh
 
 Pull = Mapping[str, Floats]
@@ -210,6 +212,75 @@ class Touch:
         return float((away**2).sum(axis=1).mean()), total
 
 
+@dataclass(frozen=True)
+class Cover:
+    """Places (n, 3) in mm, of another surface, that the surface should go through: their mean square distance from it.
+
+    The nearest point is sought on the triangles around the nearest of its points.
+
+    Attributes
+    ----------
+    surface : (m, 3) array
+        Points of the rest shape in m.
+    triangles : (k, 3) array
+        Of these.
+    places : (n, 3) array
+        In mm.
+    """
+
+    surface: Floats
+    triangles: Ints
+    places: Floats
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """As of `Goal`."""
+        return {f"skin_{i}": point for i, point in enumerate(self.surface)}
+
+    @cached_property
+    def _around(self) -> Ints:
+        """Triangles (m, most) around each point, the first of them again where there are fewer."""
+        found: list[list[int]] = [[] for _ in self.surface]
+        for number, corners in enumerate(self.triangles):
+            for corner in corners:
+                found[corner].append(number)
+        most = max(map(len, found))
+        return np.array([some + some[:1] * (most - len(some)) for some in found])
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        now = 1e3 * (self.surface + np.array([probes[name] for name in self.points]))
+        corners = self.triangles[self._around[cKDTree(now).query(self.places)[1]]]
+        shares = nearest_shares(self.places[:, None], now[corners])
+        away = (shares[..., None] * now[corners]).sum(axis=2) - self.places[:, None]
+        rows, which = np.arange(len(self.places)), np.linalg.norm(away, axis=2).argmin(axis=1)
+        away, corners, shares = away[rows, which], corners[rows, which], shares[rows, which]
+        pull = np.zeros_like(now)
+        np.add.at(pull, corners, 2e3 / len(away) * shares[..., None] * away[:, None])
+        return float((away**2).sum(axis=1).mean()), {name: value for name, value in zip(self.points, pull, strict=True) if value.any()}
+
+
+def nearest_shares(points: Floats, triangles: Floats) -> Floats:
+    """What share (…, 3) each corner of triangles (…, 3, 3) has in their point that is nearest to points (…, 3)."""
+    a, b, c = np.moveaxis(triangles, -2, 0)
+    found = []
+    for start, end, place in ((a, b, 0), (b, c, 1), (c, a, 2)):  # on the three edges
+        along = end - start
+        share = np.clip(((points - start) * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), 1e-12), 0.0, 1.0)
+        shares = np.zeros((*share.shape, 3))
+        shares[..., place], shares[..., (place + 1) % 3] = 1 - share, share
+        found.append(shares)
+    u, v, w = b - a, c - a, points - a
+    uu, uv, vv, wu, wv = ((x * y).sum(axis=-1) for x, y in ((u, u), (u, v), (v, v), (w, u), (w, v)))
+    of = np.maximum(uu * vv - uv**2, 1e-12)
+    s, r = (vv * wu - uv * wv) / of, (uu * wv - uv * wu) / of
+    within = (s >= 0) & (r >= 0) & (s + r <= 1)
+    found.append(np.where(within[..., None], np.stack([1 - s - r, s, r], axis=-1), found[0]))
+    every = np.array(found)
+    distance = np.linalg.norm((every[..., None] * triangles).sum(axis=-2) - points, axis=-1)
+    return np.asarray(np.take_along_axis(every, distance.argmin(axis=0)[None, ..., None], axis=0)[0])
+
+
 @dataclass
 class Goals:
     """Several goals from a time on until the end, an `Objective`: the mean over them and over time, in mm².
@@ -246,27 +317,29 @@ class Goals:
         return {name: float(np.sqrt(square)) for name, square in self.square.items()}
 
 
-def skin_of(tongue: TongueMesh) -> tuple[Floats, Outline]:
-    """The points of a tongue's surface, corners and middles of edges (n, 3) in m, and its outline, on all ranks.
+def skin_of(tongue: TongueMesh) -> tuple[Floats, Ints]:
+    """The points of a tongue's surface, corners and middles of edges (n, 3) in m, and its triangles (m, 3), four to a side of a
+    tetrahedron, on all ranks."""
+    mesh = tongue.mesh
+    mesh.topology.create_connectivity(2, 3)
+    facets = exterior_facet_indices(mesh.topology)
+    corners = np.concatenate(mesh.comm.allgather(mesh.geometry.x[entities_to_geometry(mesh, 2, facets)])).round(9)
+    middles = corners[:, [[0, 1], [1, 2], [2, 0]]].mean(axis=2).round(9)
+    points, places = np.unique(np.concatenate([corners, middles], axis=1).reshape(-1, 3), axis=0, return_inverse=True)
+    return points, places.reshape(-1, 6)[:, QUARTERS].reshape(-1, 3)
+
+
+def outline_of(tongue: TongueMesh) -> Outline:
+    """The mid-sagittal outline of a tongue.
 
     Raises
     ------
     InputError
         If the mesh has no faces on the mid-plane, as one has that is a mirrored half.
     """
-    mesh = tongue.mesh
-    mesh.topology.create_connectivity(2, 3)
-    facets = exterior_facet_indices(mesh.topology)
-    corners = np.concatenate(mesh.comm.allgather(mesh.geometry.x[entities_to_geometry(mesh, 2, facets)])).round(9)
-    points, triangles = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    pairs = mid_edges(points, triangles.reshape(-1, 3))
+    points, triangles = skin_of(tongue)
+    pairs = mid_edges(points, triangles)
     if len(pairs) == 0:
         raise InputError("fit: the mesh has no faces on the mid-plane y = 0; constrictions and contours need those of the built-in tongue.")
     ends, pairs = np.unique(pairs, return_inverse=True)
-    pairs, middle = pairs.reshape(-1, 2), len(ends) + np.arange(len(pairs))
-    outline = Outline(
-        np.concatenate([points[ends], points[ends][pairs].mean(axis=1)]),
-        np.concatenate([np.column_stack([pairs[:, 0], middle]), np.column_stack([middle, pairs[:, 1]])]),
-    )
-    middles = corners[:, [[0, 1], [1, 2], [2, 0]]].mean(axis=2).reshape(-1, 3).round(9)
-    return np.unique(np.concatenate([points, middles]), axis=0), outline
+    return Outline(points[ends], pairs.reshape(-1, 2))

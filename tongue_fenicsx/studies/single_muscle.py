@@ -6,12 +6,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from ..anatomy.catalogue import CATALOGUE, base_name, resolve
 from ..core.errors import InputError
 from ..core.parallel import on_rank_zero
-from ..meshing.tongue_mesh import TongueMesh
+from ..core.types import Floats
+from ..meshing.tongue_mesh import MuscleCells, TongueMesh
 from ..scenario.schema import MeshSection, Scenario
 from .pool import shared_mesh
 
@@ -58,6 +60,19 @@ def muscles_in(mesh: Path, wanted: Sequence[str], some: Sequence[str] | None) ->
     if not found:
         raise InputError(f"{mesh}: has none of the muscles {', '.join(wanted)}.")
     return found
+
+
+def regions_in(mesh: Path, muscles: Sequence[str]) -> dict[str, Floats]:
+    """The tetrahedra (n, 4, 3) in m that are at least half of each muscle, both sides in one; read on this rank alone."""
+    tongue = TongueMesh.read(mesh, MPI.COMM_SELF)
+    corners = tongue.mesh.geometry.x[tongue.mesh.geometry.dofmaps[0]]
+    return {
+        name: np.concatenate([_mostly(corners, of) for side, of in tongue.muscles.items() if base_name(side) == name]) for name in muscles
+    }
+
+
+def _mostly(corners: Floats, muscle: MuscleCells) -> Floats:
+    return np.asarray(corners[muscle.cells[muscle.weight.mean(axis=1) >= 0.5]])
 
 
 def walls_in(mesh: Path) -> list[str]:

@@ -46,9 +46,11 @@ def atlas(
 
     def write(runs: dict[str, Run], folder: Path) -> None:
         from ...plotting.atlas_plate import draw_plate
+        from ...runs.inputs import MESH
 
         study.write(runs, folder)
-        title = f"{next(iter(runs.values())).summary['name']}, tissue {tissue}: each muscle alone at full activation for 250 ms"
-        draw_plate(runs, folder / "atlas.png", title)
+        first = next(iter(runs.values()))
+        title = f"{first.summary['name']}, tissue {tissue}: each muscle alone at full activation for 250 ms"
+        draw_plate(runs, solo.regions_in(first.folder / MESH, list(runs)), folder / "atlas.png", title)
 
     conduct(output, study.FILES, run, show, write)

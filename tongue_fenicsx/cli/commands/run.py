@@ -59,28 +59,30 @@ def run(
             )
     except Paused as paused:
         raise Interrupted(paused.number, f"{paused}, go on with --resume") from None
-    if comm.rank == 0:
-        pictures = _draw(result) if figures else []
+    shared = comm.gather(_draw(result, slice(comm.rank, None, comm.size)) if figures else ([], []))
+    if shared is not None:
+        for note in (note for _, notes in shared for note in notes):
+            errors.print(note)
         _print_result(result)
-        if pictures:
+        if pictures := [picture for drawn, _ in shared for picture in drawn]:
             console.print("pictures: " + ", ".join(map(str, pictures)))
         console.print(f"fields for ParaView: {result.folder / 'fields.xdmf'}")
 
 
-def _draw(run: Run) -> list[Path]:
-    """Draw the pictures of a run; one that cannot be drawn is said, as the run is whole without it."""
+def _draw(run: Run, share: slice) -> tuple[list[Path], list[str]]:
+    """Draw a rank's share of the pictures of a run; what cannot be drawn is said, as the run is whole without it."""
     from ...runs.figures import FIGURES
 
-    pictures = []
-    for name in [name for name, figure in FIGURES.items() if figure.applies(run)]:
+    pictures, notes = [], []
+    for name in [name for name, figure in FIGURES.items() if figure.applies(run)][share]:
         try:
             pictures += run.plot(name)
         except Exception as error:  # of any library that draws
             reason = " ".join(str(error).split())[:200]
-            errors.print(
+            notes.append(
                 f"note: the picture {name} could not be drawn ({type(error).__name__}: {reason}); the run is whole, see tongue plot."
             )
-    return pictures
+    return pictures, notes
 
 
 def _print_result(run: Run) -> None:

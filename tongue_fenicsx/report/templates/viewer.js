@@ -136,6 +136,7 @@
     scene.charts = [...articles[number].querySelectorAll("svg[data-from]")];
     time = scene.times[scene.start];
     by("slider").max = scene.times.length - 1;
+    by("table").hidden = scene.table === "";
     by("around").hidden = scene.bones.length === 0;
     const slower = SECONDS / (scene.times.at(-1) - scene.times[0]);
     by("hint").textContent = slower > 1.05 && Number.isFinite(slower) ? `plays ${slower.toPrecision(2)} times slower than real` : "";
