@@ -22,7 +22,7 @@ from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.schema import Scenario
 from tongue_fenicsx.studies import designs
-from tongue_fenicsx.studies.fitting import Fit, Search, fit, guess
+from tongue_fenicsx.studies.fitting import Fit, Search, Surrogate, correct, fit, guess
 from tongue_fenicsx.studies.goals import Track
 from tongue_fenicsx.studies.openness import DETERMINED, nearby, openness
 
@@ -68,8 +68,10 @@ def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
         place = np.column_stack([np.interp(times, run.time, along) for along in displacement.T])
         paths[name] = Track(times, place + 1e-3 * NOISE * random.standard_normal(place.shape), name)
     search = Search(paths, tongue.muscles, np.linspace(0.0, END, round(END / KNOT) + 1))
-    start = guess(tongue, search, simulation.probes.rest)
-    found = fit(simulation, search, start=start, iterations=iterations)
+    surrogate = Surrogate(tongue, search, simulation.probes.rest)
+    found = correct(simulation, surrogate, guess(surrogate), report=lambda best: say(f"{seed}: {best.distance}"))
+    if iterations:
+        found = fit(simulation, search, start=found.levels, iterations=iterations)
     again = simulation.run(found.activation, END)
     off = [_rms(1e3 * np.linalg.norm(np.array([again.probes[n] - run.probes[n]]), axis=2)) for n in LOOKED_AT]
     known = openness(
@@ -109,7 +111,7 @@ def main() -> None:
     """Print the table as it comes."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.twins", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs=2, default=(1, 10), metavar=("FIRST", "LAST"))
-    parser.add_argument("--iterations", type=int, default=8)
+    parser.add_argument("--iterations", type=int, default=0, help="with gradients, after the rounds with the reduced tongue")
     chosen = parser.parse_args()
     tongue, rows = ReducedTongue.shipped(), []
     for seed in range(chosen.seeds[0], chosen.seeds[1] + 1):

@@ -78,11 +78,30 @@ def test_a_guess_is_a_twin_of_the_reduced_tongue() -> None:
     paths = {name: goals.Track(times, u[:, node], name) for name, node in nodes.items()}
     probes = {name: tongue.points[node] for name, node in nodes.items()}
     search = fitting.Search(paths, list(truth), knots, effort=0.0, haste=0.0)
-    for name, found in fitting.guess(tongue, search, probes, tries=2).items():
+    for name, found in fitting.guess(fitting.Surrogate(tongue, search, probes), tries=2).items():
         np.testing.assert_allclose(found, truth[name], atol=0.02, err_msg=name)
     still = fitting.Search({"tip": goals.Within("tip", np.full(3, -5.0), np.full(3, 5.0))}, list(truth), knots, hold=True, effort=1.0)
-    for found in fitting.guess(tongue, still, probes, tries=1).values():
+    for found in fitting.guess(fitting.Surrogate(tongue, still, probes), tries=1).values():
         np.testing.assert_allclose(found, 0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_reduced_tongue_is_corrected(tongue: tf.TongueMesh) -> None:
+    """What a tongue of another mesh and without bones did, which the reduced one does otherwise, is found in some runs, but for the last
+    knot, which has hardly begun to show."""
+    model = tf.Model(tongue, tissue=tf.Tissue.buchaillard())
+    full, knots = tf.Simulation(model, stepping=tf.Stepping(0.01, output_every=0.1)), np.array([0.0, 0.05, 0.1])
+    truth = {"GGP": np.array([0.0, 0.4, 0.2]), "MH": np.array([0.0, 0.2, 0.5])}
+    run = full.run(fitting.courses(knots, truth), 0.1)
+    paths = {name: goals.Track(run.time, u, name) for name, u in run.probes.items()}
+    search = fitting.Search(paths, list(truth), knots, effort=1e-4, haste=1e-4)
+    surrogate = fitting.Surrogate(ReducedTongue.shipped(), search, full.probes.rest)
+    told: list[fitting.Fit] = []
+    found = fitting.correct(full, surrogate, fitting.guess(surrogate, tries=1), report=told.append)
+    assert told[-1].objective == found.objective < 0.1 * told[0].objective
+    assert max(found.distance.values()) < 0.1
+    for name, levels in truth.items():
+        np.testing.assert_allclose(found.levels[name][:2], levels[:2], atol=0.05, err_msg=name)
 
 
 @pytest.mark.slow

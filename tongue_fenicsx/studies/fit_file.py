@@ -34,7 +34,7 @@ from ..simulation.probes import Probes
 from ..simulation.simulation import Simulation
 from . import fitting
 from .articulography import ALIGNMENTS, Recording, Timing, behind_tip, lay
-from .fitting import Fit, Search
+from .fitting import Fit, Search, Surrogate
 from .goals import Constriction, Contour, Cover, Goal, Touch, Track, Within, outline_of, skin_of
 from .openness import Openness, nearby, openness
 from .pool import Workers, perform, results
@@ -158,6 +158,7 @@ class FitFile(Section):
     begin: Annotated[str, OneOf(names=BEGINS)] = "flat"
     effort: NotNegative = 1e-2
     haste: NotNegative = 1e-2
+    rounds: Annotated[int, Real(low=1, high=100, whole=True)] = 6
     iterations: Annotated[int, Real(low=0, high=10_000, whole=True)] = 30
     noise: Positive = 0.5
     target: Mapping[Name, TargetSection] = {}
@@ -342,8 +343,6 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     given = {name: course for name, course in activation_of(scenario).items() if name not in file.muscles}
     best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
     start = {} if best is None else {n: np.array([c(t) for t in task.knots]) for n, c in activation_of(best).items() if n in file.muscles}
-    if best is None and file.begin == "live":
-        start = fitting.guess(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
 
     def keep(found: Fit) -> None:
         if rank == 0:
@@ -357,6 +356,9 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
                 writer.writerow([found.evaluations, f"{found.objective:.6g}", *(f"{d:.6g}" for d in found.distance.values())])
             report(found)
 
+    if best is None and file.begin == "live":
+        surrogate = Surrogate(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
+        start = fitting.correct(simulation, surrogate, fitting.guess(surrogate), given=given, rounds=file.rounds, report=keep).levels
     found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
     last = _with(scenario, found)
     inputs = inputs_of(last, simulation.model.tongue)

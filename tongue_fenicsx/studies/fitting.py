@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
-from ..core.errors import InputError
+from ..core.errors import InputError, SolveError
 from ..core.types import Floats
 from ..mechanics.activation import Activation, Course
 from ..mechanics.control import OpenLoop
@@ -18,8 +19,11 @@ from ..reduced.tongue import ReducedTongue
 from ..simulation.simulation import Simulation, resolve_sides
 from .goals import Goal, Goals, Track, Within
 
-GUESS_STEP, GUESS_ITERATIONS, NUDGE = 0.025, 60, 1e-5
-"""Of a search with the reduced tongue: steps in s, iterations, and by how much a level is moved to see what that does."""
+GUESS_STEP, NUDGE = 0.025, 1e-5
+"""Of a search with the reduced tongue: steps in s, and by how much a level is moved to see what that does."""
+GUESSES, INNER, SHARES, ENOUGH = 20, 200, (1.0, 0.5, 0.25, 0.1), 1e-3
+"""Of Gauss–Newton: iterations at most, those of the problem that is linear in displacements, shares of a step that are tried, and the
+share of the value below which less is no gain."""
 NEAR = 2e-3
 """In m: how far a probe may be from a node of the reduced tongue."""
 
@@ -215,10 +219,11 @@ def fit(
     return replace(found, evaluations=evaluations, reason=str(done.message))
 
 
-def guess(tongue: ReducedTongue, search: Search, probes: Mapping[str, Floats], tries: int = 3, seed: int = 0) -> dict[str, Floats]:
-    """Levels with which a reduced tongue reaches goals best, of several searches from levels at random; for a fit to begin with.
+@dataclass(frozen=True)
+class Surrogate:
+    """A reduced tongue in place of the simulation, for a search that takes seconds.
 
-    Parameters
+    Attributes
     ----------
     tongue : ReducedTongue
         Of the same rest shape; muscles that it does not have stay at rest.
@@ -226,47 +231,147 @@ def guess(tongue: ReducedTongue, search: Search, probes: Mapping[str, Floats], t
         What is sought.
     probes : mapping
         Of the goals: name to point (3,) of the rest shape in m.
-    tries : int
-        Searches.
-    seed : int
-        Of the levels that they begin with.
 
     Raises
     ------
     InputError
         If the reduced tongue is of another shape.
     """
-    apart = np.array([np.linalg.norm(tongue.points - point, axis=1) for point in probes.values()])
-    if apart.min(axis=1).max() > NEAR:
-        raise InputError('fit: begin: the reduced tongue has another shape than this one; "flat" is expected.')
-    nodes = apart.argmin(axis=1)
-    times = np.linspace(0.0, search.end, int(np.ceil(search.end / GUESS_STEP - 1e-9)) + 1)
-    counts = np.flatnonzero(times > search.since)
-    lasting = np.diff(times)[counts - 1]
-    column = [tongue.muscles.index(name) if name in tongue.muscles else None for name in search.muscles]
 
-    def value(x: Floats) -> tuple[float, Floats]:
-        of, tried = search.goals(), [search.levels(y) for y in (x, *(x + NUDGE * np.eye(len(x))))]
-        course = np.zeros((len(times), len(tried), len(tongue.muscles)))
+    tongue: ReducedTongue
+    search: Search
+    probes: Mapping[str, Floats]
+
+    def __post_init__(self) -> None:
+        if self._apart.min(axis=1).max() > NEAR:
+            raise InputError('fit: begin: the reduced tongue has another shape than this one; "flat" is expected.')
+
+    @cached_property
+    def _apart(self) -> Floats:
+        return np.array([np.linalg.norm(self.tongue.points - point, axis=1) for point in self.probes.values()])
+
+    @cached_property
+    def times(self) -> Floats:
+        """Times (n,) in s of its steps, from 0 on."""
+        return np.linspace(0.0, self.search.end, int(np.ceil(self.search.end / GUESS_STEP - 1e-9)) + 1)
+
+    def displacement(self, tried: Sequence[Floats]) -> Floats:
+        """Displacement (n_tried, n_times, n_probes, 3) in m with several levels (n_muscles, n_knots)."""
+        tongue, search = self.tongue, self.search
+        course = np.zeros((len(self.times), len(tried), len(tongue.muscles)))
         for run, levels in enumerate(tried):
-            for at, level in zip(column, levels, strict=True):
-                if at is not None:
-                    course[:, run, at] = np.interp(times, search.knots, level)
-        u = tongue.displacement(tongue.sequences(times, course)[counts], nodes)
-        slopes = (u[:, 1:] - u[:, :1]) / NUDGE
-        total, by_cost = search.cost(tried[0])
-        by = search.numbers_from(by_cost)
-        for t, h, at, slope in zip(times[counts], lasting, u[:, 0], slopes, strict=True):
-            added, pull = of(t, h, dict(zip(probes, at, strict=True)))
-            total += added
-            by += sum(slope[:, i] @ pull[name] for i, name in enumerate(probes) if name in pull)
-        return total, by
+            for name, level in zip(search.muscles, levels, strict=True):
+                if name in tongue.muscles:
+                    course[:, run, tongue.muscles.index(name)] = np.interp(self.times, search.knots, level)
+        return tongue.displacement(tongue.sequences(self.times, course), self._apart.argmin(axis=1)).swapaxes(0, 1)
 
-    random = np.random.default_rng(seed)
-    n = search.size
-    begins = random.uniform(0, search.most / 2, (tries, n)) * (random.random((tries, n)) < 0.5)
-    results = [search.least(value, begin, GUESS_ITERATIONS) for begin in begins]
-    return dict(zip(search.muscles, search.levels(min(results, key=lambda done: done.fun).x), strict=True))
+    def slopes(self, x: Floats) -> Floats:
+        """Derivatives (n, n_times, n_probes, 3) of the displacement by the numbers (n,)."""
+        here, *beside = self.displacement([self.search.levels(y) for y in (x, *(x + NUDGE * np.eye(len(x))))])
+        return np.asarray((np.array(beside) - here) / NUDGE)
+
+    def value(self, x: Floats, u: Floats) -> tuple[float, Floats, Floats]:
+        """What is sought the least of, with displacements (n_times, n_probes, 3), and its derivatives by the numbers (n,) of the levels and
+        by these."""
+        of, by_u = self.search.goals(), np.zeros_like(u)
+        total, by_levels = self.search.cost(self.search.levels(x))
+        for i, h in enumerate(np.diff(self.times), 1):
+            added, pull = of(self.times[i], h, dict(zip(self.probes, u[i], strict=True)))
+            total += added
+            for p, name in enumerate(self.probes):
+                by_u[i, p] = pull.get(name, 0.0)
+        return total, self.search.numbers_from(by_levels), by_u
+
+    def step(self, x: Floats, u: Floats) -> Floats:
+        """Numbers that would be best if displacements went on from `u` at `x` as the reduced tongue's do (Gauss–Newton)."""
+        slopes = self.slopes(x)
+
+        def value(y: Floats) -> tuple[float, Floats]:
+            total, by, by_u = self.value(y, u + np.tensordot(y - x, slopes, axes=1))
+            return total, by + np.tensordot(slopes, by_u, axes=3)
+
+        return np.asarray(self.search.least(value, x, INNER).x)
+
+
+def guess(surrogate: Surrogate, tries: int = 3, seed: int = 0) -> dict[str, Floats]:
+    """Levels with which a reduced tongue reaches goals best, of `tries` searches from levels at random; for a fit to begin with."""
+    search, random = surrogate.search, np.random.default_rng(seed)
+
+    def at(x: Floats) -> tuple[float, Floats]:
+        (u,) = surrogate.displacement([search.levels(x)])
+        return surrogate.value(x, u)[0], u
+
+    found = []
+    for _ in range(tries):
+        x = random.uniform(0, search.most / 2, search.size) * (random.random(search.size) < 0.5)
+        value, u = at(x)
+        for _ in range(GUESSES):
+            way = surrogate.step(x, u) - x
+            better = ((x + share * way, *at(x + share * way)) for share in SHARES)
+            y, lower, moved = next((tried for tried in better if tried[1] < value), (x, value, u))
+            if value - lower < ENOUGH * value:
+                break
+            x, value, u = y, lower, moved
+        found.append((value, x))
+    return dict(zip(search.muscles, search.levels(min(found, key=lambda one: one[0])[1]), strict=True))
+
+
+def correct(
+    simulation: Simulation,
+    surrogate: Surrogate,
+    start: Mapping[str, Floats],
+    *,
+    given: Mapping[str, Course] | None = None,
+    rounds: int = 6,
+    report: Callable[[Fit], object] | None = None,
+) -> Fit:
+    """Gauss–Newton with what the full tongue does and how the reduced one says that it would change: a run a round, without a gradient. It
+    ends where two rounds in turn gave nothing better.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        As of `fit`.
+    surrogate : Surrogate
+        Of its probes.
+    start : mapping
+        Levels (n,) of muscles to begin with.
+    given : mapping, optional
+        Activations of other muscles, which stay.
+    rounds : int
+        At most.
+    report : callable, optional
+        Takes the best so far, whenever it is better.
+
+    Raises
+    ------
+    SolveError
+        If the first run fails.
+    """
+    search, times = surrogate.search, surrogate.times
+    levels, best, worse = np.array([start[name] for name in search.muscles]), None, 0
+    for evaluations in range(1, rounds + 1):
+        named, of = dict(zip(search.muscles, levels, strict=True)), search.goals()
+        try:
+            run = simulation.run(dict(given or {}) | courses(search.knots, named), search.end)
+        except SolveError:
+            if best is None:
+                raise
+            break
+        value = search.cost(levels)[0]
+        for i, h in enumerate(np.diff(run.time), 1):
+            value += of(run.time[i], h, {name: u[i] for name, u in run.probes.items()})[0]
+        worse = 0 if best is None or value < best.objective else worse + 1
+        if worse == 0:
+            best = Fit(search.knots, named, of.distance, value, evaluations, hold=search.hold)
+            if report is not None:
+                report(best)
+        if worse == 2:
+            break
+        full = np.array([[np.interp(times, run.time, along) for along in run.probes[name].T] for name in surrogate.probes])
+        levels = search.levels(surrogate.step(search.numbers(levels), np.moveaxis(full, -1, 0)))
+    assert best is not None
+    return replace(best, evaluations=evaluations)
 
 
 def following(simulation: Simulation, goals: Mapping[str, Goal]) -> Simulation:
