@@ -10,21 +10,18 @@ from __future__ import annotations
 
 import argparse
 import time
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
-import tongue_fenicsx as tf
 from tongue_fenicsx.core.tables import markdown
 from tongue_fenicsx.core.types import Floats
 from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.schema import Scenario
 from tongue_fenicsx.studies import designs
-from tongue_fenicsx.studies.fitting import Fit, Search, Surrogate, correct, fit, guess
+from tongue_fenicsx.studies.fitting import Search, Surrogate, correct, fit, guess
 from tongue_fenicsx.studies.goals import Track
-from tongue_fenicsx.studies.openness import DETERMINED, nearby, openness
+from tongue_fenicsx.studies.openness import DETERMINED, by_reduced, openness
 
 from . import measure
 from .__main__ import FOLDER, say
@@ -74,9 +71,7 @@ def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
         found = fit(simulation, search, start=found.levels, iterations=iterations)
     again = simulation.run(found.activation, END)
     off = [_rms(1e3 * np.linalg.norm(np.array([again.probes[n] - run.probes[n]]), axis=2)) for n in LOOKED_AT]
-    known = openness(
-        found, paths, NOISE, _reduced(tongue, found, simulation), {n: _reduced(tongue, f, simulation) for n, f in _moved(found)}
-    )
+    known = openness(found, paths, NOISE, by_reduced(found, paths, surrogate))
     wrong = {name: levels[1:] - [truth[name](t) for t in found.knots[1:]] for name, levels in found.levels.items()}
     sure = [
         sum(float(along @ wrong[name]) for name, along in shares.items()) for sigma, shares in known.combinations if sigma <= DETERMINED
@@ -92,19 +87,6 @@ def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _moved(found: Fit) -> list[tuple[str, Fit]]:
-    return [(name, Fit(found.knots, levels, {}, 0.0, 0)) for name, levels in nearby(found)]
-
-
-def _reduced(tongue: ReducedTongue, found: Fit, simulation: tf.Simulation) -> tf.Run:
-    """What stands for a run: probes of the reduced tongue, moved by the levels of a fit."""
-    times = np.linspace(0.0, END, round(END / EVERY) + 1)
-    levels = np.column_stack([np.interp(times, found.knots, found.levels[name]) for name in tongue.muscles])
-    nodes = np.array([np.linalg.norm(tongue.points - point, axis=1).argmin() for point in simulation.probes.rest.values()])
-    moved = tongue.displacement(tongue.sequence(times, levels)[0], nodes)
-    return cast(tf.Run, SimpleNamespace(time=times, probes=dict(zip(simulation.probes.names, moved.swapaxes(0, 1), strict=True))))
 
 
 def main() -> None:

@@ -219,7 +219,7 @@ def test_what_is_open() -> None:
     paths = {"tip": goals.Track(time, np.outer([0.0, 1.0], slope), "tip")}
     moved = {name: run(levels) for name, levels in openness.nearby(found)}
     assert list(moved) == ["GGP-1", "GGM-1"]
-    known = openness.openness(found, paths, 0.1, run(found.levels), moved)  # type: ignore[arg-type]
+    known = openness.openness(found, paths, 0.1, openness.by_runs(found, paths, run(found.levels), moved))  # type: ignore[arg-type]
     (wide, difference), (narrow, both) = known.combinations
     assert wide == pytest.approx(np.sqrt(openness.BEFORE))
     assert narrow == pytest.approx(0.1 / (5 * np.sqrt(2)), rel=1e-2)  # noise over the change along (1, 1)/√2
@@ -233,11 +233,12 @@ def test_what_is_open() -> None:
     )
     at_once = dict(openness.nearby(held))
     assert {name: tuple(levels["GGP"]) for name, levels in at_once.items()} == {"GGP-2": (0.0, 0.45, 0.45), "GGM-2": (0.0, 0.4, 0.4)}
-    of_postures = openness.openness(held, paths, 0.1, run(found.levels), dict(zip(at_once, moved.values(), strict=True)))  # type: ignore[arg-type]
+    slopes = openness.by_runs(held, paths, run(found.levels), dict(zip(at_once, moved.values(), strict=True)))  # type: ignore[arg-type]
+    of_postures = openness.openness(held, paths, 0.1, slopes)
     assert [deviation for deviation, _ in of_postures.combinations] == pytest.approx([wide, narrow])
     assert [len(levels) for levels in of_postures.levels.values()] == [1, 1]
     far = fitting.Fit(time, found.levels, {"tip": 3.0}, 9.0, 1)  # a target that is not reached says less
-    assert openness.openness(far, paths, 0.1, run(far.levels), moved).noise == pytest.approx(np.sqrt(3))  # type: ignore[arg-type]
+    assert openness.openness(far, paths, 0.1, slopes).noise == pytest.approx(np.sqrt(3))
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ from . import fitting
 from .articulography import ALIGNMENTS, Recording, Timing, behind_tip, lay
 from .fitting import Fit, Search, Surrogate
 from .goals import Constriction, Contour, Cover, Goal, Touch, Track, Within, outline_of, skin_of
-from .openness import Openness, nearby, openness
+from .openness import Openness, by_reduced, by_runs, nearby, openness
 from .pool import Workers, perform, results
 from .sweep_file import base_of
 
@@ -367,19 +367,24 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
 
 
 def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openness:
-    """What the tables leave open, by runs beside that of a fit; leaves a table and a picture.
+    """What the tables leave open, as the reduced tongue says where a fit began with it, else by runs beside that of the fit; leaves a table
+    and a picture.
 
     Raises
     ------
     SolveError
-        If one of them fails.
+        If one of the runs fails.
     """
-    cases = {name: (_with(task.scenario, replace(found, levels=levels)), {"moved": name}) for name, levels in nearby(found)}
-    moved = results(perform(output / NEARBY, cases, workers))
     run = Run(output / RUN)
+    if task.file.begin == "live":
+        tongue = ReducedTongue.shipped(task.scenario.tissue.preset)
+        slopes = by_reduced(found, task.paths, Surrogate(tongue, task.search(task.paths), {name: run.rest[name] for name in task.paths}))
+    else:
+        cases = {name: (_with(task.scenario, replace(found, levels=levels)), {"moved": name}) for name, levels in nearby(found)}
+        slopes = by_runs(found, task.paths, run, results(perform(output / NEARBY, cases, workers)))
 
     def look() -> Openness:
-        known = openness(found, task.paths, task.file.noise, run, moved)
+        known = openness(found, task.paths, task.file.noise, slopes)
         known.write(output / OPEN)
         levels = {}
         for name, at in found.levels.items():

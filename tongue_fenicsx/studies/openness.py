@@ -13,7 +13,7 @@ import numpy as np
 from ..core.errors import SolveError
 from ..core.types import Floats
 from ..runs.run import Run
-from .fitting import Fit
+from .fitting import Fit, Surrogate
 from .goals import Track
 
 MOVED = 0.05
@@ -93,8 +93,8 @@ def nearby(found: Fit) -> Iterator[tuple[str, dict[str, Floats]]]:
             yield f"{name}-{i}", {**found.levels, name: moved}
 
 
-def openness(found: Fit, paths: Mapping[str, Track], noise: float, run: Run, moved: Mapping[str, Run | SolveError]) -> Openness:
-    """What the data say about each level: the curvature of their misfit (Gauss–Newton) by runs with one level moved.
+def openness(found: Fit, paths: Mapping[str, Track], noise: float, slopes: Floats) -> Openness:
+    """What the data say about each level: the curvature of their misfit (Gauss–Newton).
 
     Every coordinate of every point at every time that the tables have is taken as a measurement of its own.
 
@@ -106,27 +106,11 @@ def openness(found: Fit, paths: Mapping[str, Track], noise: float, run: Run, mov
         Probe to its path.
     noise : float
         Standard deviation of the data in mm; what is left in the fit is taken instead if that is more.
-    run : Run
-        Of the fit.
-    moved : mapping
-        The runs of `nearby`.
-
-    Raises
-    ------
-    SolveError
-        If one of them failed.
+    slopes : (n_levels, n_measurements) array
+        Derivatives in mm, from `by_runs` or `by_reduced`.
     """
-    place = _measured(run, paths)
-    columns = []
-    for name, levels in nearby(found):
-        beside = moved[name]
-        if isinstance(beside, SolveError):
-            raise beside
-        step = sum(float((levels[muscle] - found.levels[muscle])[-1 if found.hold else slice(None)].sum()) for muscle in levels)
-        columns.append((_measured(beside, paths) - place) / step)
-    left = np.sqrt(np.mean(np.square(list(found.distance.values()))) / 3)
+    left = np.sqrt(np.mean(np.square([found.distance[name] for name in paths])) / 3)
     noise = max(noise, float(left))
-    slopes = np.array(columns)
     covariance = np.linalg.inv(slopes @ slopes.T / noise**2 + np.eye(len(slopes)) / BEFORE)
     variances, vectors = np.linalg.eigh(covariance)
 
@@ -143,11 +127,36 @@ def openness(found: Fit, paths: Mapping[str, Track], noise: float, run: Run, mov
     )
 
 
-def _measured(run: Run, paths: Mapping[str, Track]) -> Floats:
-    """Coordinates in mm of the probes at the times of their paths, flat."""
-    end = run.time[-1]
+def by_runs(found: Fit, paths: Mapping[str, Track], run: Run, moved: Mapping[str, Run | SolveError]) -> Floats:
+    """Derivatives of all measurements by each level, from the `run` of a fit and those of `nearby`.
+
+    Raises
+    ------
+    SolveError
+        If one of them failed.
+    """
+    place = _measured(paths, run.time, run.probes)
+    columns = []
+    for name, levels in nearby(found):
+        beside = moved[name]
+        if isinstance(beside, SolveError):
+            raise beside
+        step = sum(float((levels[muscle] - found.levels[muscle])[-1 if found.hold else slice(None)].sum()) for muscle in levels)
+        columns.append((_measured(paths, beside.time, beside.probes) - place) / step)
+    return np.array(columns)
+
+
+def by_reduced(found: Fit, paths: Mapping[str, Track], surrogate: Surrogate) -> Floats:
+    """The same as a reduced tongue has them, at once; its probes are the points that have paths."""
+    levels = np.array(list(found.levels.values()))
+    moved = surrogate.slopes(surrogate.search.numbers(levels))
+    return np.array([_measured(paths, surrogate.times, dict(zip(surrogate.probes, u.swapaxes(0, 1), strict=True))) for u in moved])
+
+
+def _measured(paths: Mapping[str, Track], time: Floats, displacement: Mapping[str, Floats]) -> Floats:
+    """Coordinates in mm of probes, which have displacements (n_t, 3) in m at times, at the times of their paths, flat."""
     parts = []
     for name, path in paths.items():
-        times = path.times[(path.times > 0) & (path.times <= end + 1e-9)]
-        parts += [np.interp(times, run.time, along) for along in run.probes[name].T]
+        times = path.times[(path.times > 0) & (path.times <= time[-1] + 1e-9)]
+        parts += [np.interp(times, time, along) for along in displacement[name].T]
     return np.asarray(1e3 * np.concatenate(parts))
