@@ -356,10 +356,12 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
                 writer.writerow([found.evaluations, f"{found.objective:.6g}", *(f"{d:.6g}" for d in found.distance.values())])
             report(found)
 
-    if best is None and file.begin == "live":
+    if file.begin == "live":
         surrogate = Surrogate(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
-        start = fitting.correct(simulation, surrogate, fitting.guess(surrogate), given=given, rounds=file.rounds, report=keep).levels
-    found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
+        found = fitting.correct(simulation, surrogate, start or fitting.guess(surrogate), given=given, rounds=file.rounds, report=keep)
+        start = found.levels
+    if file.begin != "live" or file.iterations > 0:
+        found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
     last = _with(scenario, found)
     inputs = inputs_of(last, simulation.model.tongue)
     plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)

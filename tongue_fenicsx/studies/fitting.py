@@ -21,9 +21,9 @@ from .goals import Goal, Goals, Track, Within
 
 GUESS_STEP, NUDGE = 0.025, 1e-5
 """Of a search with the reduced tongue: steps in s, and by how much a level is moved to see what that does."""
-GUESSES, INNER, SHARES, ENOUGH = 20, 200, (1.0, 0.5, 0.25, 0.1), 1e-3
-"""Of Gauss–Newton: iterations at most, those of the problem that is linear in displacements, shares of a step that are tried, and the
-share of the value below which less is no gain."""
+GUESSES, INNER, SHARES, ENOUGH, LEAST = 20, 200, (1.0, 0.5, 0.25, 0.1), 1e-3, 0.03
+"""Of Gauss–Newton: iterations at most, those of the problem that is linear in displacements, shares of a step that are tried with the
+reduced tongue, the share of the value below which less is no gain, and the least share of a step that is tried with the full one."""
 NEAR = 2e-3
 """In m: how far a probe may be from a node of the reduced tongue."""
 
@@ -325,8 +325,8 @@ def correct(
     rounds: int = 6,
     report: Callable[[Fit], object] | None = None,
 ) -> Fit:
-    """Gauss–Newton with what the full tongue does and how the reduced one says that it would change: a run a round, without a gradient. It
-    ends where two rounds in turn gave nothing better.
+    """Gauss–Newton with what the full tongue does and how the reduced one says that it would change: a run a round, without a gradient.
+    Where that is worse, a third of the step is tried.
 
     Parameters
     ----------
@@ -349,29 +349,34 @@ def correct(
         If the first run fails.
     """
     search, times = surrogate.search, surrogate.times
-    levels, best, worse = np.array([start[name] for name in search.muscles]), None, 0
+    levels = np.array([start[name] for name in search.muscles])
+    best: Fit | None = None
+    x = way = np.zeros(search.size)
+    share = 1.0
     for evaluations in range(1, rounds + 1):
-        named, of = dict(zip(search.muscles, levels, strict=True)), search.goals()
+        named, of, value = dict(zip(search.muscles, levels, strict=True)), search.goals(), search.cost(levels)[0]
         try:
             run = simulation.run(dict(given or {}) | courses(search.knots, named), search.end)
+            for i, h in enumerate(np.diff(run.time), 1):
+                value += of(run.time[i], h, {name: u[i] for name, u in run.probes.items()})[0]
         except SolveError:
             if best is None:
                 raise
-            break
-        value = search.cost(levels)[0]
-        for i, h in enumerate(np.diff(run.time), 1):
-            value += of(run.time[i], h, {name: u[i] for name, u in run.probes.items()})[0]
-        worse = 0 if best is None or value < best.objective else worse + 1
-        if worse == 0:
+            value = np.inf
+        if best is None or value < best.objective:
+            share = 1.0 if best is None else min(2 * share, 1.0)
             best = Fit(search.knots, named, of.distance, value, evaluations, hold=search.hold)
             if report is not None:
                 report(best)
-        if worse == 2:
+            full = np.array([[np.interp(times, run.time, along) for along in run.probes[name].T] for name in surrogate.probes])
+            x = search.numbers(levels)
+            way = surrogate.step(x, np.moveaxis(full, -1, 0)) - x
+        elif (share := share / 3) < LEAST:
             break
-        full = np.array([[np.interp(times, run.time, along) for along in run.probes[name].T] for name in surrogate.probes])
-        levels = search.levels(surrogate.step(search.numbers(levels), np.moveaxis(full, -1, 0)))
+        levels = search.levels(x + share * way)
     assert best is not None
-    return replace(best, evaluations=evaluations)
+    reason = "the rounds are over" if share >= LEAST else "no step that the reduced tongue knows is better"
+    return replace(best, evaluations=evaluations, reason=reason)
 
 
 def following(simulation: Simulation, goals: Mapping[str, Goal]) -> Simulation:
