@@ -181,7 +181,7 @@ def _stiffer_on_two_ranks(patch: pytest.MonkeyPatch) -> None:
         ("decay", _more_damping, 1),
         ("contraction", _wrong_energy, 1),
         ("ranks", _stiffer_on_two_ranks, 2),
-        ("gradient", _longer_back, 3),
+        ("gradient", _longer_back, 5),
         ("contact", _stiffer_tangent, 4),
         ("pressed", _stiffer, 3),
         ("hertz", _stiffer, 1),

@@ -403,8 +403,9 @@ def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openn
 def farthest(task: Task, output: Path) -> dict[str, tuple[float, float]]:
     """How far each probe is at most from its path in the run of the best, in mm, and when, in s."""
     run, most = Run(output / RUN), {}
+    counts = run.time > task.file.since
     for name, path in task.paths.items():
-        away = 1e3 * np.linalg.norm(run.probes[name] - np.array([path.at(t) for t in run.time]), axis=1)
+        away = 1e3 * np.linalg.norm(run.probes[name] - np.array([path.at(t) for t in run.time]), axis=1) * counts
         most[name] = float(away.max()), float(run.time[away.argmax()])
     return most
 

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from ...studies.openness import Openness
 
 
+SAID = 12
+"""Combinations that are left open are named, the least certain first."""
+
+
 def fit(
     file: Annotated[Path, typer.Argument(metavar="FIT.toml", help="A scenario, muscles that may act, and what they should do.")],
     output: Annotated[
@@ -78,5 +82,7 @@ def _words(known: Openness) -> Iterator[str]:
         if (at := known.knots[levels >= 1 - 1e-3]).size:
             yield f"  {name} pulls as hard as it may at {', '.join(f'{1e3 * t:.0f}' for t in at)} ms"
     yield f"with {known.noise:.2g} mm of noise {known.determined} of {len(known.combinations)} combinations of levels are determined"
-    for words in known.open_ones():
-        yield f"  open: {words}"
+    left = known.open_ones()
+    yield from (f"  open: {words}" for words in left[:SAID])
+    if len(left) > SAID:
+        yield f"  and {len(left) - SAID} more"
