@@ -193,6 +193,18 @@ def test_goals_have_the_derivatives_of_their_values() -> None:
     assert added == pytest.approx(0.25 * np.mean([goal(0.25, u)[0] for goal in some.values()]))
 
 
+def test_goals_of_different_points_keep_their_own(tongue: tf.TongueMesh) -> None:
+    """Two palatal targets with points of their own, followed by one simulation, have the values that each has alone."""
+    skin, _ = goals.skin_of(tongue)
+    front, back = skin[:40], skin[40:90]
+    each = {name: goals.Touch(points, 1e3 * points[::5] + 2.0) for name, points in (("front", front), ("back", back))}
+    simulation = fitting.following(tf.Simulation(tf.Model(tongue)), each)
+    u = {name: 0.1 * point for name, point in simulation.probes.rest.items()}
+    for goal in each.values():
+        alone = {name: 0.1 * point for name, point in goal.points.items()}
+        assert goal(0.0, u)[0] == pytest.approx(goal(0.0, alone)[0])
+
+
 def test_the_outline_of_a_tongue(tongue: tf.TongueMesh) -> None:
     """It is closed: every point of it ends two pieces; its points and the surface's are nodes of the quadratic tongue."""
     (surface, triangles), outline = goals.skin_of(tongue), goals.outline_of(tongue)

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import pyvista as pv
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 from scipy.spatial import cKDTree
 
@@ -96,6 +97,11 @@ class Within(_OfProbe):
         return float(beyond @ beyond), {self.probe: 2e3 * beyond}
 
 
+def by_place(points: Floats) -> dict[str, Floats]:
+    """Points (n, 3) of the rest shape in m by names that say where they are, in µm: goals of one simulation may share them."""
+    return {f"at {x:.0f} {y:.0f} {z:.0f}": point for point, (x, y, z) in zip(points, 1e6 * points, strict=True)}
+
+
 @dataclass(frozen=True)
 class Outline:
     """The mid-sagittal outline of a tongue: points (n, 3) at rest in m, and which of them are the ends of its pieces (m, 2)."""
@@ -103,10 +109,14 @@ class Outline:
     points: Floats
     pieces: Ints
 
-    @property
+    @cached_property
     def probes(self) -> dict[str, Floats]:
         """Its points by the names of their probes."""
-        return {f"outline_{i}": point for i, point in enumerate(self.points)}
+        return by_place(self.points)
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return list(self.probes)
 
     def nearest(self, places: Floats, probes: Mapping[str, Floats]) -> tuple[Floats, Ints, Floats, Floats]:
         """The distance (n,) in mm of places (n, 2), x and z in mm, from the outline as it is displaced; of each the ends (n, 2) of the
@@ -120,7 +130,7 @@ class Outline:
     def pull(self, ends: Ints, share: float, along: Floats) -> dict[str, Floats]:
         """The derivative by its probes of what changes by `along` (2,) with a place on a piece."""
         both = np.array([along[0], 0.0, along[1]])
-        return {f"outline_{ends[0]}": (1 - share) * both, f"outline_{ends[1]}": share * both}
+        return {self._names[ends[0]]: (1 - share) * both, self._names[ends[1]]: share * both}
 
 
 def _add(total: dict[str, Floats], more: Pull) -> None:
@@ -181,104 +191,56 @@ class Contour(_OfOutline):
 
 
 @dataclass(frozen=True)
-class Touch:
-    """Places (n, 3) in mm that the surface should reach: the mean square distance from the nearest of its points.
-
-    Attributes
-    ----------
-    surface : (m, 3) array
-        Points of the rest shape in m.
-    places : (n, 3) array
-        In mm.
-    """
+class _OfSurface:
+    """A goal of points (m, 3) of the surface at rest in m."""
 
     surface: Floats
-    places: Floats
 
-    @property
+    @cached_property
     def points(self) -> Mapping[str, Floats]:
         """As of `Goal`."""
-        return {f"surface_{i}": point for i, point in enumerate(self.surface)}
+        return by_place(self.surface)
 
-    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
-        """As of `Goal`."""
-        now = 1e3 * (self.surface + np.array([probes[name] for name in self.points]))
-        away = now[None] - self.places[:, None]
-        nearest = np.linalg.norm(away, axis=2).argmin(axis=1)
-        away = away[np.arange(len(nearest)), nearest]
-        total: dict[str, Floats] = {}
-        for i, vector in zip(nearest, away, strict=True):
-            _add(total, {f"surface_{i}": 2e3 * vector / len(away)})
-        return float((away**2).sum(axis=1).mean()), total
+    def _now(self, probes: Mapping[str, Floats]) -> Floats:
+        """Where the points are, in mm."""
+        return np.asarray(1e3 * (self.surface + np.array([probes[name] for name in self.points])))
+
+    def _missed(self, away: Floats, corners: Ints, shares: Floats) -> tuple[float, Pull]:
+        """The mean square of vectors (n, 3) in mm to means of points, which have (n, k) corners with shares, and its derivatives."""
+        pull = np.zeros_like(self.surface)
+        np.add.at(pull, corners, 2e3 / len(away) * shares[..., None] * away[:, None])
+        by = {name: value for name, value in zip(self.points, pull, strict=True) if value.any()}
+        return float((away**2).sum(axis=1).mean()), by
 
 
 @dataclass(frozen=True)
-class Cover:
-    """Places (n, 3) in mm, of another surface, that the surface should go through: their mean square distance from it.
+class Touch(_OfSurface):
+    """Places (n, 3) in mm that the surface should reach: the mean square distance from the nearest of its points."""
 
-    The nearest point is sought on the triangles around the nearest of its points.
-
-    Attributes
-    ----------
-    surface : (m, 3) array
-        Points of the rest shape in m.
-    triangles : (k, 3) array
-        Of these.
-    places : (n, 3) array
-        In mm.
-    """
-
-    surface: Floats
-    triangles: Ints
     places: Floats
-
-    @property
-    def points(self) -> Mapping[str, Floats]:
-        """As of `Goal`."""
-        return {f"skin_{i}": point for i, point in enumerate(self.surface)}
-
-    @cached_property
-    def _around(self) -> Ints:
-        """Triangles (m, most) around each point, the first of them again where there are fewer."""
-        found: list[list[int]] = [[] for _ in self.surface]
-        for number, corners in enumerate(self.triangles):
-            for corner in corners:
-                found[corner].append(number)
-        most = max(map(len, found))
-        return np.array([some + some[:1] * (most - len(some)) for some in found])
 
     def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
         """As of `Goal`."""
-        now = 1e3 * (self.surface + np.array([probes[name] for name in self.points]))
-        corners = self.triangles[self._around[cKDTree(now).query(self.places)[1]]]
-        shares = nearest_shares(self.places[:, None], now[corners])
-        away = (shares[..., None] * now[corners]).sum(axis=2) - self.places[:, None]
-        rows, which = np.arange(len(self.places)), np.linalg.norm(away, axis=2).argmin(axis=1)
-        away, corners, shares = away[rows, which], corners[rows, which], shares[rows, which]
-        pull = np.zeros_like(now)
-        np.add.at(pull, corners, 2e3 / len(away) * shares[..., None] * away[:, None])
-        return float((away**2).sum(axis=1).mean()), {name: value for name, value in zip(self.points, pull, strict=True) if value.any()}
+        now = self._now(probes)
+        nearest = cKDTree(now).query(self.places)[1][:, None]
+        return self._missed(now[nearest[:, 0]] - self.places, nearest, np.ones_like(nearest))
 
 
-def nearest_shares(points: Floats, triangles: Floats) -> Floats:
-    """What share (…, 3) each corner of triangles (…, 3, 3) has in their point that is nearest to points (…, 3)."""
-    a, b, c = np.moveaxis(triangles, -2, 0)
-    found = []
-    for start, end, place in ((a, b, 0), (b, c, 1), (c, a, 2)):  # on the three edges
-        along = end - start
-        share = np.clip(((points - start) * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), 1e-12), 0.0, 1.0)
-        shares = np.zeros((*share.shape, 3))
-        shares[..., place], shares[..., (place + 1) % 3] = 1 - share, share
-        found.append(shares)
-    u, v, w = b - a, c - a, points - a
-    uu, uv, vv, wu, wv = ((x * y).sum(axis=-1) for x, y in ((u, u), (u, v), (v, v), (w, u), (w, v)))
-    of = np.maximum(uu * vv - uv**2, 1e-12)
-    s, r = (vv * wu - uv * wv) / of, (uu * wv - uv * wu) / of
-    within = (s >= 0) & (r >= 0) & (s + r <= 1)
-    found.append(np.where(within[..., None], np.stack([1 - s - r, s, r], axis=-1), found[0]))
-    every = np.array(found)
-    distance = np.linalg.norm((every[..., None] * triangles).sum(axis=-2) - points, axis=-1)
-    return np.asarray(np.take_along_axis(every, distance.argmin(axis=0)[None, ..., None], axis=0)[0])
+@dataclass(frozen=True)
+class Cover(_OfSurface):
+    """Places (n, 3) in mm, of another surface, that the surface, of triangles (k, 3), should go through: their mean square distance."""
+
+    triangles: Ints
+    places: Floats
+
+    def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
+        """As of `Goal`."""
+        now = self._now(probes)
+        which, nearest = pv.PolyData.from_regular_faces(now, self.triangles).find_closest_cell(self.places, return_closest_point=True)
+        corners = self.triangles[which]
+        first, sides = now[corners[:, 0]], np.swapaxes(now[corners[:, 1:]] - now[corners[:, :1]], 1, 2)
+        along = (np.linalg.pinv(sides) @ (nearest - first)[..., None])[..., 0]
+        return self._missed(nearest - self.places, corners, np.column_stack([1 - along.sum(axis=1), along]))
 
 
 @dataclass
