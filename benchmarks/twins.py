@@ -30,14 +30,8 @@ END, KNOT, EVERY, NOISE = 0.3, 0.05, 0.01, 0.2
 """Of the movement, between knots and between measurements, in s; of each coordinate, in mm."""
 BONES = ("palate", "velum", "upper_teeth", "lower_teeth", "mandible", "pharynx")
 LOOKED_AT = ("tip", "dorsum", "root")
-HEAD = [
-    "seed",
-    *(f"{name} (mm)" for name in LOOKED_AT),
-    "left of the data (mm)",
-    "combinations determined, of all",
-    "of these off (rms, most)",
-]
-HEAD += ["levels within their intervals", "levels off (rms)", "runs", "s"]
+HEAD = "seed, tip (mm), dorsum (mm), root (mm), left of the data (mm), combinations determined, off of these: rms and most, "
+HEAD += "levels within their intervals, levels off (rms), runs, s"
 
 
 def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
@@ -79,7 +73,7 @@ def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
     within = [abs(along) <= 2 * known.deviations[name] for name, along in wrong.items()]
     return [
         str(seed), *(f"{d:.2f}" for d in off), f"{_rms(np.array(list(found.distance.values()))):.2f}",
-        f"{len(sure)} of {len(known.combinations)}", f"{_rms(np.array(sure)):.3f}, {max(map(abs, sure)):.3f}",
+        f"{len(sure)} of {len(known.combinations)}", f"{_rms(np.array(sure)):.3f} {max(map(abs, sure)):.3f}",
         f"{100 * float(np.mean(within)):.0f} %", f"{_rms(np.array(list(wrong.values()))):.2f}",
         str(found.evaluations), f"{time.perf_counter() - begin:.0f}",
     ]  # fmt: skip
@@ -99,7 +93,7 @@ def main() -> None:
     for seed in range(chosen.seeds[0], chosen.seeds[1] + 1):
         rows.append(twin(seed, tongue, chosen.iterations))
         say(" | ".join(rows[-1]))
-    print(markdown(HEAD, rows))
+    print(markdown(HEAD.split(", "), rows))
 
 
 if __name__ == "__main__":

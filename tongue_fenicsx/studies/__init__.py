@@ -10,6 +10,7 @@ __all__ = [
     "cases",
     "designs",
     "fit_file",
+    "fit_run",
     "fitting",
     "goals",
     "openness",

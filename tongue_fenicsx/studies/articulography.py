@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ..anatomy.subject import Frame
 from ..core.errors import InputError, reading
-from ..core.types import Floats, Ints
+from ..core.types import Floats
 from ..geometry.polyline import arc_length
 from ..geometry.registration import Similarity
 from ..meshing.tongue_mesh import TongueMesh
@@ -27,21 +27,8 @@ ALIGNMENTS = ("none", "rigid", "scale")
 
 
 @dataclass(frozen=True)
-class Timing:
-    """A run begins at rest, `lead` seconds before time `begin` of a table."""
-
-    begin: float
-    lead: float
-
-    def of(self, times: Floats) -> tuple[Floats, Ints]:
-        """Times in s of the run, and which rows of the table they are."""
-        rows = np.flatnonzero(times >= self.begin)
-        return times[rows] - self.begin + self.lead, rows
-
-
-@dataclass(frozen=True)
 class Recording:
-    """Places of sensors over time.
+    """Places of sensors over time; a run begins at rest, `lead` seconds before time `begin` of the table.
 
     Attributes
     ----------
@@ -49,19 +36,27 @@ class Recording:
         In s, growing.
     places : dict
         Sensor to its places (n, 3) in m, in our axes.
+    rest, begin, lead : float
+        Time of the table at which the tongue has its rest shape, and at which the movement begins, and how long before that the run does.
     """
 
     times: Floats
     places: dict[str, Floats]
+    rest: float
+    begin: float
+    lead: float
 
     @classmethod
-    def read(cls, table: Path, time: str, columns: Mapping[str, Sequence[str]], frame: Frame) -> Recording:
-        """Read a table with a line of names, of which `columns` names three for each sensor; lines that begin with # are skipped.
+    def read(
+        cls, table: Path, time: str, columns: Mapping[str, Sequence[str]], frame: Frame, rest: float, begin: float | None, lead: float
+    ) -> Recording:
+        """Read a table with a line of names, of which `columns` names three for each sensor; lines that begin with # are skipped. Without
+        `begin` the movement begins at rest.
 
         Raises
         ------
         InputError
-            If a column is missing, has a cell that is no finite number, or times do not grow.
+            If a column is missing, has a cell that is no finite number, times do not grow, or the movement lies outside them.
         """
         with reading(table, "a table with a line of names"), open(table, newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
@@ -74,26 +69,35 @@ class Recording:
             places = {name: frame.metres([[float(row[c]) for c in names] for row in rows]) for name, names in columns.items()}
         if not (np.diff(times) > 0).all() or not all(np.isfinite(at).all() for at in (times, *places.values())):
             raise InputError(f"{table}: times that grow and finite places are expected; leave out the lines where a sensor was lost.")
-        return cls(times, places)
+        begin = rest if begin is None else begin
+        for key, moment in (("rest", rest), ("begin", begin)):
+            if not times[0] <= moment <= times[-1]:
+                raise InputError(f"{table}: recording.{key}: {moment:g} s; a time from {times[0]:g} to {times[-1]:g} s is expected.")
+        return cls(times, places, rest, begin, lead)
 
-    def at(self, sensor: str, t: float) -> Floats:
-        """The place (3,) of a sensor at a time."""
-        return np.array([np.interp(t, self.times, along) for along in self.places[sensor].T])
+    def at_rest(self, sensor: str) -> Floats:
+        """The place (3,) of a sensor."""
+        return np.array([np.interp(self.rest, self.times, along) for along in self.places[sensor].T])
 
-    def tracks(self, sensors: Sequence[str], laid: Similarity, rest: float, timing: Timing, lateral: bool) -> dict[str, Track]:
-        """Paths of sensors as they are laid on our tongue, from where they are at time `rest` of the table."""
-        times, rows = timing.of(self.times)
+    def moving(self, sensor: str) -> tuple[Floats, Floats]:
+        """Times (n,) of the run in s and places (n, 3) of a sensor from where the movement begins."""
+        rows = self.times >= self.begin
+        return self.times[rows] - self.begin + self.lead, self.places[sensor][rows]
+
+    def tracks(self, sensors: Iterable[str], laid: Similarity, lateral: bool) -> dict[str, Track]:
+        """Paths of sensors as they are laid on our tongue, from where they are at rest."""
         paths = {}
         for name in sensors:
-            moved = laid.scale * (self.places[name][rows] - self.at(name, rest)) @ laid.rotation.T
+            times, places = self.moving(name)
+            moved = laid.scale * (places - self.at_rest(name)) @ laid.rotation.T
             paths[name] = Track(times, moved * (1.0 if lateral else SAGITTAL), name)
         return paths
 
-    def jaw(self, sensor: str, laid: Similarity, rest: float, timing: Timing, centre: Floats) -> list[tuple[float, float, float]]:
+    def jaw(self, sensor: str, laid: Similarity, centre: Floats) -> list[tuple[float, float, float]]:
         """The turn in degrees of a jaw with a sensor about the transverse axis through `centre` (3,) in m, downward, from where it is at
-        time `rest` of the table: (duration, start, target) to where the recording begins and from one turning point to the next."""
-        times, rows = timing.of(self.times)
-        x, _, z = (laid.forward(np.vstack([self.at(sensor, rest), self.places[sensor][rows]])) - centre).T
+        rest: (duration, start, target) to where the movement begins and from one turning point to the next."""
+        times, places = self.moving(sensor)
+        x, _, z = (laid.forward(np.vstack([self.at_rest(sensor), places])) - centre).T
         angle = np.degrees(np.unwrap(np.arctan2(z, x)))
         angle = angle[1:] - angle[0]
         turns = [find_peaks(sign * angle, prominence=STILL)[0] for sign in (1, -1)]
@@ -102,10 +106,16 @@ class Recording:
         return list(zip(np.diff(times), angle[:-1], angle[1:], strict=True))
 
 
-def lay(recording: Recording, rest: float, glued: Mapping[str, Floats], align: str) -> tuple[Similarity, float]:
+def lay(recording: Recording, glued: Mapping[str, Floats], align: str) -> tuple[Similarity, float]:
     """How a speaker's mid-sagittal plane is laid on ours: with the least distance of the sensors at rest from the points (3,) that they are
-    glued to, by a turn and a shift ("rigid"), also a scale, or without a turn ("none"); and the root mean square in m that is left."""
-    theirs, ours = (np.array(places) * SAGITTAL for places in ([recording.at(name, rest) for name in glued], list(glued.values())))
+    glued to, by a turn and a shift ("rigid"), also a scale, or without a turn ("none"); and the root mean square in m that is left.
+
+    Raises
+    ------
+    InputError
+        If one sensor is to tell a turn.
+    """
+    theirs, ours = (np.array(places) * SAGITTAL for places in ([recording.at_rest(name) for name in glued], list(glued.values())))
     a, b = ((places - places.mean(axis=0)) @ [1, 0, 1j] for places in (theirs, ours))
     turn = np.vdot(a, b) / max(np.vdot(a, a).real, 1e-12)  # the least squares of b − turn a
     if align == "none":

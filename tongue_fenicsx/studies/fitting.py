@@ -137,6 +137,16 @@ class Search:
         """The other way round."""
         return np.asarray(levels[:, -1] if self.hold else levels[:, 1:].ravel())
 
+    def begin(self, start: Mapping[str, Floats]) -> Floats:
+        """Numbers of levels (n_knots,) of muscles to begin with; others begin at 0.1."""
+        return self.numbers(np.array([start.get(name, np.full(len(self.knots), 0.1)) for name in self.muscles]))
+
+    def check(self, probes: Mapping[str, Floats]) -> None:
+        """Refuse probes without one of the goals', with an `InputError`."""
+        for goal in self.each.values():
+            if isinstance(goal, Track | Within) and goal.probe not in probes:
+                raise InputError(f"fit: no probe {goal.probe!r}; the simulation follows {', '.join(probes)}.")
+
     def numbers_from(self, by_levels: Floats) -> Floats:
         """Derivatives by the numbers from those by the levels."""
         return np.asarray(by_levels[:, 1:].sum(axis=1) if self.hold else by_levels[:, 1:].ravel())
@@ -190,9 +200,7 @@ def fit(
         If a run fails.
     """
     given, muscles = dict(given or {}), search.muscles
-    for goal in search.each.values():
-        if isinstance(goal, Track | Within) and goal.probe not in simulation.probes.names:
-            raise InputError(f"fit: no probe {goal.probe!r}; the simulation follows {', '.join(simulation.probes.names)}.")
+    search.check(simulation.probes.rest)
     resting = courses(search.knots, {name: np.zeros(len(search.knots)) for name in muscles})
     sides = resolve_sides(OpenLoop(given | resting), simulation.model)
     best, evaluations = np.inf, 0
@@ -213,8 +221,7 @@ def fit(
                 report(found)
         return value, search.numbers_from(by + by_cost)
 
-    begin = search.numbers(np.array([(start or {}).get(name, np.full(len(search.knots), 0.1)) for name in muscles]))
-    done = search.least(evaluate, begin, iterations)
+    done = search.least(evaluate, search.begin(start or {}), iterations)
     assert found is not None
     return replace(found, evaluations=evaluations, reason=str(done.message))
 
@@ -235,7 +242,7 @@ class Surrogate:
     Raises
     ------
     InputError
-        If the reduced tongue is of another shape.
+        If the reduced tongue is of another shape, or a goal needs a probe that is not among these.
     """
 
     tongue: ReducedTongue
@@ -243,6 +250,7 @@ class Surrogate:
     probes: Mapping[str, Floats]
 
     def __post_init__(self) -> None:
+        self.search.check(self.probes)
         if self._apart.min(axis=1).max() > NEAR:
             raise InputError('fit: begin: the reduced tongue has another shape than this one; "flat" is expected.')
 
@@ -326,7 +334,7 @@ def correct(
     report: Callable[[Fit], object] | None = None,
 ) -> Fit:
     """Gauss–Newton with what the full tongue does and how the reduced one says that it would change: a run a round, without a gradient.
-    Where that is worse, a third of the step is tried.
+    Where that is worse, or fails, a third of the step is tried.
 
     Parameters
     ----------
@@ -335,7 +343,7 @@ def correct(
     surrogate : Surrogate
         Of its probes.
     start : mapping
-        Levels (n,) of muscles to begin with.
+        As of `fit`.
     given : mapping, optional
         Activations of other muscles, which stay.
     rounds : int
@@ -345,11 +353,13 @@ def correct(
 
     Raises
     ------
+    InputError
+        If a muscle is not in the mesh.
     SolveError
         If the first run fails.
     """
     search, times = surrogate.search, surrogate.times
-    levels = np.array([start[name] for name in search.muscles])
+    levels = search.levels(search.begin(start))
     best: Fit | None = None
     x = way = np.zeros(search.size)
     share = 1.0

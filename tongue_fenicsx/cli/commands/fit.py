@@ -34,7 +34,7 @@ def fit(
     """Find activations that move points or shape the tongue as wanted, and what the data leave open; the same command goes on from the
     best that the folder holds."""
     from ...core.errors import within
-    from ...studies import fit_file
+    from ...studies import fit_file, fit_run
 
     task = fit_file.read(file, changes)
 
@@ -45,7 +45,7 @@ def fit(
     from ...studies.pool import Workers
 
     rank = MPI.COMM_WORLD.rank
-    on_rank_zero(MPI.COMM_WORLD, lambda: check_outputs(output, [fit_file.BEST, fit_file.PROGRESS, fit_file.OPEN, fit_file.SHEET]))
+    on_rank_zero(MPI.COMM_WORLD, lambda: check_outputs(output, [fit_run.BEST, fit_run.PROGRESS, fit_run.OPEN, fit_run.SHEET]))
 
     def say(found: Fit) -> None:
         away = ", ".join(f"{name} {d:.2f} mm" for name, d in found.distance.items())
@@ -53,25 +53,25 @@ def fit(
 
     try:
         with within(file):
-            task = fit_file.glue(task, output, console.print)
-            found = fit_file.fit(task, output, say)
+            task = fit_run.glue(task, output, console.print)
+            found = fit_run.fit(task, output, say)
     except Interrupted as signal:
-        if not (best := output / fit_file.BEST).exists():
+        if not (best := output / fit_run.BEST).exists():
             raise
         raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {best}") from None
     if rank == 0:
-        files = f"the best is {output / fit_file.BEST}, its run {output / fit_file.RUN}"
+        files = f"the best is {output / fit_run.BEST}, its run {output / fit_run.RUN}"
         console.print(f"{found.reason.lower()} after {found.evaluations} runs; {files}")
-        for name, (most, t) in fit_file.farthest(task, output).items():
+        for name, (most, t) in fit_run.farthest(task, output).items():
             console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
     if not task.paths:  # bounds and constrictions are no data
         return
     with RunsBar(console, rank == 0) as bar:
-        known = fit_file.look_around(task, found, output, Workers(jobs, overwrite=True, report=bar))
+        known = fit_run.look_around(task, found, output, Workers(jobs, overwrite=True, report=bar))
     if rank == 0:
         for line in _words(known):
             console.print(line)
-        console.print(f"wrote {output / fit_file.OPEN} and {output / fit_file.SHEET}")
+        console.print(f"wrote {output / fit_run.OPEN} and {output / fit_run.SHEET}")
 
 
 def _words(known: Openness) -> Iterator[str]:

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: MIT
+"""``tongue fit``: a fit that a file tells, and what it leaves in a folder."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from ..analysis.airway import WALLS, wall_of
+from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
+from ..analysis.tongue_grid import cut
+from ..core.errors import InputError
+from ..core.files import at_once
+from ..core.parallel import on_rank_zero
+from ..plotting.fit_sheet import draw_fit
+from ..reduced.tongue import ReducedTongue
+from ..runs.run import Run
+from ..scenario.build import activation_of, inputs_of, simulation_of
+from ..scenario.files import dump, read_toml, scenario_of
+from ..scenario.schema import Scenario
+from ..simulation.probes import Probes
+from ..simulation.simulation import Simulation
+from . import fitting
+from .articulography import behind_tip, lay
+from .fit_file import JAW, TOOTH, Task
+from .fitting import Fit, Surrogate
+from .goals import Constriction, Contour, Cover, Goal, Touch, Within, outline_of, skin_of
+from .openness import Openness, by_reduced, by_runs, nearby, openness
+from .pool import Workers, perform, results
+
+BEST, PROGRESS, OPEN, SHEET = "best.toml", "fit.csv", "open.csv", "fit.png"
+"""The scenario with the activations found so far, how the search went, what the data leave open, and a picture of all."""
+RUN, NEARBY = "run", "nearby"
+"""Folders of the run of the best, and of those beside it."""
+REACH_FOR = 18.0
+"""In mm: points of the surface that may reach an electrode are so near at rest."""
+JAWS = frozenset({"lower_teeth", "mandible"})
+"""Obstacles that move with the jaw of a recording."""
+MM = 1e-3
+
+
+def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
+    """A task whose scenario has the sensors of a recording as probes, and the jaw's motion, and whose paths are theirs too; says how the
+    speaker was laid on the tongue.
+
+    Raises
+    ------
+    InputError
+        If a sensor has no place on the tongue.
+    """
+    told, recording = task.file.recording, task.recording
+    if told is None or recording is None:
+        return task
+    output.mkdir(parents=True, exist_ok=True)
+    simulation = simulation_of(task.scenario, output)
+    tongue = simulation.model.tongue
+    glued = {}
+    for name, sensor in told.sensor.items():
+        if sensor.behind_tip is not None:
+            glued[name] = behind_tip(tongue, MM * sensor.behind_tip)
+        elif isinstance(sensor.at, str):
+            glued[name] = Probes(tongue, {name: sensor.at}).rest[name]
+        else:
+            glued[name] = MM * np.array(sensor.at)
+    laid, apart = lay(recording, glued, told.align)
+    turn = np.degrees(np.arctan2(laid.rotation[0, 2], laid.rotation[0, 0]))
+    say(f"recording: turned by {turn:.1f}°, scaled by {laid.scale:.2f}; at rest the sensors lie {1e3 * apart:.1f} mm from their points")
+    data = task.scenario.model_dump(exclude_none=True)
+    data["probes"] = {name: list(point) for name, point in (simulation.probes.rest | glued).items()}
+    if told.jaw:
+        centre = MM * np.array(told.jaw.centre)
+        pieces = recording.jaw(TOOTH, laid, centre)
+        data["boundary"]["fixed"] = [name for name in data["boundary"]["fixed"] if name != JAW]
+        data["boundary"]["moving"] = data["boundary"].get("moving", {}) | {
+            JAW: {"angle": pieces, "centre": list(centre), "axis": [0.0, -1.0, 0.0]}
+        }
+        for name in JAWS & data["contact"].keys():
+            data["contact"][name]["moves_with"] = JAW
+    paths = recording.tracks(glued, laid, told.lateral)
+    file = task.file.model_copy(update={"since": max(task.file.since, told.lead)})
+    return replace(task, file=file, scenario=Scenario.model_validate(data), paths={**task.paths, **paths})
+
+
+def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
+    """What is to be reached, of a simulation's tongue and walls.
+
+    Raises
+    ------
+    InputError
+        If it has no such wall or the tongue no mid-plane.
+    """
+    file, surfaces = task.file, {name: contact.obstacle.surface for name, contact in simulation.model.contacts.items()}
+    goals: dict[str, Goal] = dict(task.paths)
+    for name, bounds in file.point.items():
+        low, high = np.transpose([span or (-np.inf, np.inf) for span in (bounds.x, bounds.y, bounds.z)])
+        goals[name] = Within(name, low, high)
+    if not (file.constriction or file.contour or file.touch or file.surface):
+        return goals
+    skin, triangles = skin_of(tongue := simulation.model.tongue)
+    goals |= {name: Cover(skin, triangles, places) for name, places in task.surfaces.items()}
+    if file.constriction or file.contour:
+        outline = outline_of(tongue)
+    walls = {name: cut(surface) for name, surface in surfaces.items() if name in WALLS}
+    for name, narrow in file.constriction.items():
+        for wall in narrow.walls:
+            if wall not in walls:
+                raise InputError(f"constriction.{name}: no contact with a wall {wall!r}; there is {', '.join(walls) or 'none'}.")
+        places, part = wall_of(walls, 1e3 * outline.points[:, [0, 2]].mean(axis=0))
+        low, high = narrow.x or (-np.inf, np.inf)
+        there = places[np.isin(part, narrow.walls) & (low <= places[:, 0]) & (places[:, 0] <= high)]
+        if len(there) == 0:
+            raise InputError(f"constriction.{name}: no place of {', '.join(narrow.walls)} has an x from {low:g} to {high:g} mm.")
+        goals[name] = Constriction(outline, there, narrow.degree)
+    goals |= {name: Contour(outline, places) for name, places in task.contours.items()}
+    for name, wanted in file.touch.items():
+        palate = next((surfaces[wall] for wall in PALATES if wall in surfaces), None)
+        if palate is None:
+            raise InputError(f"touch.{name}: no contact with a palate; one called {', '.join(sorted(PALATES))} is expected.")
+        columns = wanted.columns or range(1, 9)
+        chosen = [row + 1 in wanted.rows and column + 1 in columns for row, column in ELECTRODES]
+        places = 1e3 * electrodes(palate)[chosen]
+        near = [np.linalg.norm(1e3 * point - places, axis=1).min() < REACH_FOR for point in skin]
+        goals[name] = Touch(skin[near], places)
+    return goals
+
+
+def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
+    """Fit, leave the best so far in the folder whenever it is better, and the run of the best at the end; goes on from what is there."""
+    output.mkdir(parents=True, exist_ok=True)
+    scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
+    goals = goals_of(task, plain := simulation_of(scenario, output))
+    simulation, search = fitting.following(plain, goals), task.search(goals)
+    given = {name: course for name, course in activation_of(scenario).items() if name not in file.muscles}
+    best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
+    start = {} if best is None else {n: np.array([c(t) for t in task.knots]) for n, c in activation_of(best).items() if n in file.muscles}
+
+    def keep(found: Fit) -> None:
+        if rank == 0:
+            with at_once(output / BEST) as path:
+                path.write_text(dump(_with(scenario, found)), encoding="utf-8")
+            new = not (output / PROGRESS).exists()
+            with open(output / PROGRESS, "a", newline="", encoding="utf-8") as table:
+                writer = csv.writer(table)
+                if new:
+                    writer.writerow(["evaluation", "objective_mm2", *(f"{name}_mm" for name in found.distance)])
+                writer.writerow([found.evaluations, f"{found.objective:.6g}", *(f"{d:.6g}" for d in found.distance.values())])
+            report(found)
+
+    if file.begin == "live":
+        surrogate = Surrogate(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
+        found = fitting.correct(simulation, surrogate, start or fitting.guess(surrogate), given=given, rounds=file.rounds, report=keep)
+        start = found.levels
+    if file.begin != "live" or file.iterations > 0:
+        found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
+    last = _with(scenario, found)
+    inputs = inputs_of(last, simulation.model.tongue)
+    plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
+    return found
+
+
+def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openness:
+    """What the tables leave open, as the reduced tongue says where a fit began with it, else by runs beside that of the fit; leaves a table
+    and a picture.
+
+    Raises
+    ------
+    SolveError
+        If one of the runs fails.
+    """
+    run = Run(output / RUN)
+    if task.file.begin == "live":
+        tongue = ReducedTongue.shipped(task.scenario.tissue.preset)
+        slopes = by_reduced(found, task.paths, Surrogate(tongue, task.search(task.paths), {name: run.rest[name] for name in task.paths}))
+    else:
+        cases = {name: (_with(task.scenario, replace(found, levels=levels)), {"moved": name}) for name, levels in nearby(found)}
+        slopes = by_runs(found, task.paths, run, results(perform(output / NEARBY, cases, workers)))
+
+    def look() -> Openness:
+        known = openness(found, task.paths, task.file.noise, slopes)
+        known.write(output / OPEN)
+        levels = {}
+        for name, at in found.levels.items():
+            low, high = (np.append(0.0, np.broadcast_to(bound, len(at) - 1)) for bound in known.interval(name))
+            levels[name] = at, low, high
+        paths = {name: (path.times, np.asarray(path.displacement)) for name, path in task.paths.items()}
+        draw_fit(run, found.knots, levels, paths, found.distance, output / SHEET)
+        return known
+
+    known: Openness = on_rank_zero(MPI.COMM_WORLD, look)
+    return known
+
+
+def farthest(task: Task, output: Path) -> dict[str, tuple[float, float]]:
+    """How far each probe is at most from its path in the run of the best, in mm, and when, in s."""
+    run, most = Run(output / RUN), {}
+    counts = run.time > task.file.since
+    for name, path in task.paths.items():
+        away = 1e3 * np.linalg.norm(run.probes[name] - np.array([path.at(t) for t in run.time]), axis=1) * counts
+        most[name] = float(away.max()), float(run.time[away.argmax()])
+    return most
+
+
+def _with(scenario: Scenario, found: Fit) -> Scenario:
+    """A scenario with the activations that were found."""
+    data = scenario.model_dump(exclude_none=True)
+    for name, course in found.activation.items():
+        data["activation"][name] = {"pieces": course.description(found.knots[-1])}
+    return Scenario.model_validate(data)
