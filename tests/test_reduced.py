@@ -12,7 +12,7 @@ import sys
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
@@ -30,10 +30,10 @@ from tongue_fenicsx.core.errors import InputError
 from tongue_fenicsx.core.types import Floats
 from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.geometry.tetrahedron import boundary
-from tongue_fenicsx.reduced.basis import coordinates_of, modes_of
+from tongue_fenicsx.reduced.basis import coordinates_of, mirror_of, modes_of
 from tongue_fenicsx.reduced.network import fade
 from tongue_fenicsx.reduced.room import Room
-from tongue_fenicsx.reduced.tongue import ReducedTongue
+from tongue_fenicsx.reduced.tongue import ReducedTongue, inputs_of
 from tongue_fenicsx.reduced.training import Sequences, initial, train
 from tongue_fenicsx.report.live import live_page
 from tongue_fenicsx.report.serving import serve
@@ -42,12 +42,13 @@ from tongue_fenicsx.scenario.files import load
 MUSCLES = ["GGP", "SL"]
 
 
-def any_tongue(seed: int = 0, doubt: float = 1.0) -> ReducedTongue:
+def any_tongue(seed: int = 0, doubt: float = 1.0, sides: Sequence[str] = (), odd: int = 0) -> ReducedTongue:
     """A single tetrahedron with weights that nobody trained."""
     random = np.random.default_rng(seed)
     points = np.vstack([np.zeros(3), np.eye(3), np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]]) / 2]) * 0.01
     modes = random.standard_normal((4, 10, 3))
-    return ReducedTongue(points, np.arange(10)[None], modes, initial(len(MUSCLES), 4, seed), MUSCLES, {}, {"doubt": doubt, "rest": {}})
+    told = {"doubt": doubt, "rest": {}, "sides": sides, "odd": odd}
+    return ReducedTongue(points, np.arange(10)[None], modes, initial(len(MUSCLES) + len(sides), 4, seed), MUSCLES, {}, told)
 
 
 def test_memories_fade_exactly() -> None:
@@ -103,6 +104,39 @@ def test_a_long_step_is_many(tmp_path: Path) -> None:
     assert again.doubt == pytest.approx(one.doubt, rel=1e-4)
 
 
+def test_sides_apart() -> None:
+    """With any weights: both sides together leave odd shapes at rest, swapped sides give the mirror image, and of many at once too."""
+    one, image, together = (any_tongue(sides=["GGP"], odd=1) for _ in range(3))
+    levels = [{"GGP_L": 0.6, "SL": 0.2}, {"GGP_L": 0.3, "GGP_R": 0.8}, {"GGP": 0.5, "GGP_R": 0.1, "SL": 0.7}]
+    swapped = {"GGP_L": "GGP_R", "GGP_R": "GGP_L"}
+    for at in levels:
+        q = one.step(at, 0.02)
+        np.testing.assert_allclose(
+            image.step({swapped.get(name, name): level for name, level in at.items()}, 0.02), q * [1, 1, 1, -1], atol=1e-12
+        )
+        assert not together.step({"GGP": at.get("GGP", 0.4), "SL": 0.3}, 0.02)[-1]
+    assert abs(q[-1]) > 1e-3
+    assert one.doubt == pytest.approx(image.doubt)
+    time, course = np.array([0.0, 0.02, 0.04, 0.06]), np.array([[0, 0], [0.4, 0.3], [0.4, 0.3], [0.5, 0.3]])
+    np.testing.assert_allclose(one.sequences(time, course[:, None])[-1, 0], together.coordinates, atol=1e-12)
+    with pytest.raises(InputError, match=r"SL_L: .*it has GGP, SL, and with _L or _R GGP"):
+        one.step({"SL_L": 0.5}, 0.01)
+
+
+def test_weights_for_others() -> None:
+    """A tongue with more shapes, in another order, and with sides apart begins by doing what the one did that it begins with."""
+    one = any_tongue()
+    modes = np.linalg.qr(np.random.default_rng(3).standard_normal((30, 30)))[0][:6] * np.sqrt(10)
+    modes[:4] = np.linalg.qr(one.modes.reshape(4, -1).T)[0].T[::-1] * np.sqrt(10)  # the same span
+    weights = one.weights_for(["SL", "GGP"], ["SL"], modes.reshape(6, 10, 3))
+    other = ReducedTongue(one.points, one.cells, modes.reshape(6, 10, 3), weights, ["SL", "GGP"], {}, one.told | {"sides": ["SL"]})
+    own = one.modes.reshape(4, -1)
+    for tongue in (one, other):
+        tongue.step({"GGP": 0.3, "SL": 0.6}, 0.02)
+    expected = one.coordinates @ own @ modes.T / 10  # least squares: rows of modes have a mean square of one, and 4 are orthogonal
+    np.testing.assert_allclose(other.coordinates, expected, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("levels", "dt", "message"),
     [({"GGX": 0.5}, 0.01, "GGX: .*it has GGP, SL"), ({"GGP": 1.5}, 0.01, "GGP: 1.5; an activation"), ({}, -1.0, "dt: -1.0; a positive")],
@@ -138,12 +172,29 @@ def test_modes() -> None:
     """Shapes are independent, have a mean square of one, and give back what they are made of."""
     random = np.random.default_rng(0)
     displacement = np.einsum("ik,knd->ind", random.standard_normal((30, 3)), random.standard_normal((3, 8, 3)))
-    modes = modes_of(displacement, 3)
+    modes = modes_of([displacement[:20], displacement[20:]], 3)
     np.testing.assert_allclose(np.einsum("and,bnd->ab", modes, modes) / 8, np.eye(3), atol=1e-9)
     back = 1e-3 * np.einsum("ik,knd->ind", coordinates_of(displacement, modes), modes)
     np.testing.assert_allclose(back, displacement, atol=1e-9)
     with pytest.raises(ValueError, match="no 4 independent"):
-        modes_of(displacement, 4)
+        modes_of([displacement], 4)
+
+
+def test_modes_of_halves() -> None:
+    """With a mirror the even shapes are their own image, the odd ones the opposite of it, and both together give back a displacement."""
+    random = np.random.default_rng(0)
+    points = random.uniform(0.01, 0.02, (6, 3))
+    points = np.concatenate([points, points * (1, -1, 1)])
+    mirror = mirror_of(points)
+    assert mirror is not None
+    assert np.array_equal(mirror, [*range(6, 12), *range(6)])
+    assert mirror_of(points * (1, 1, 1) + np.eye(12, 3)) is None
+    displacement = np.einsum("ik,knd->ind", random.standard_normal((30, 3)), random.standard_normal((3, 12, 3)))
+    even, odd = (modes_of([displacement], 3, mirror, sign) for sign in (1, -1))
+    for modes, sign in ((even, 1), (odd, -1)):
+        np.testing.assert_allclose(modes[:, mirror] * (1, -1, 1), sign * modes, atol=1e-12)
+    modes = np.concatenate([even, odd])
+    np.testing.assert_allclose(1e-3 * np.einsum("ik,knd->ind", coordinates_of(displacement, modes), modes), displacement, atol=1e-9)
 
 
 def elsewhere[Result](action: Callable[..., Result], *arguments: object) -> Result:
@@ -179,12 +230,37 @@ def test_training_learns_a_lag() -> None:
     assert np.sqrt(((q - 5 * lag[1]) ** 2).mean()) < 0.1 * 5 * lag.std()
 
 
+def test_training_learns_sides() -> None:
+    """An odd coordinate that follows the difference of the sides is found, from runs and their mirror images."""
+    random, n = np.random.default_rng(1), 40
+    h = np.full((16, n), 5e-3)
+    left, right = np.cumsum(random.uniform(-0.1, 0.12, (2, 16, n + 1, 1)), axis=2).clip(0, 1)
+    left[:, 0] = right[:, 0] = 0.0
+    mean, difference = (left + right) / 2, (left - right) / 2
+    wanted = np.concatenate([5 * mean, 3 * difference], axis=-1)
+    weights, error = elsewhere(trained, Sequences(h, np.concatenate([mean, difference], -1), wanted, np.ones((16, n + 1), bool), 1, 1))
+    assert error < 0.1 * wanted.std()
+    bare = any_tongue()
+    tongue = ReducedTongue(bare.points, bare.cells, bare.modes[:2], weights, ["GGP"], {}, bare.told | {"sides": ["GGP"], "odd": 1})
+    time = 5e-3 * np.arange(n + 1)
+    q, _ = tongue.sequence(time, inputs_of({"GGP_L": left[1, :, 0], "GGP_R": right[1, :, 0]}, ["GGP"], ["GGP"]))
+    assert np.sqrt(((q - wanted[1]) ** 2).mean()) < 0.1 * wanted.std()
+
+
 def test_a_browser_computes_the_same(tmp_path: Path, browser: Browser) -> None:
     """The page, from disk: the surface after some steps is Python's to 1e-4 mm; play moves it, what is exported is a scenario, and nothing
     is logged."""
-    tongue = any_tongue()
+    tongue = any_tongue(sides=["GGP"], odd=1)
     palate = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.0, 0.0, 0.02)))
-    told = {"doubt": 0.7, "rest": {"tip": [0.01, 0, 0]}, "tissue": {"preset": "buchaillard"}, "mesh": "coarse", "runs": 2}
+    told = {
+        "doubt": 0.7,
+        "rest": {"tip": [0.01, 0, 0]},
+        "tissue": {"preset": "buchaillard"},
+        "mesh": "coarse",
+        "runs": 2,
+        "sides": ["GGP"],
+        "odd": 1,
+    }
     wall = Surface.from_pyvista(pv.Sphere(radius=0.02, center=(0.0, 0.0, -0.019)))
     tongue = ReducedTongue(
         tongue.points, tongue.cells, 3 * tongue.modes, tongue.weights, MUSCLES, {"bone": palate}, told | {"contact": ["palate"]},
@@ -194,12 +270,18 @@ def test_a_browser_computes_the_same(tmp_path: Path, browser: Browser) -> None:
     tongue = ReducedTongue.load(tmp_path / "tongue.npz")
     (tmp_path / "page.html").write_bytes(live_page(tongue))
     window = browser(tmp_path / "page.html")
-    steps = [([0.3, 0.0], 0.005), ([0.8, 0.2], 0.016), ([0.8, 0.9], 0.033), ([0.0, 0.9], 0.2)]
+    steps = [
+        ([0.3, 0.0], [0.3, 0.0], 0.005),
+        ([0.8, 0.2], [0.8, 0.2], 0.016),
+        ([0.8, 0.9], [0.1, 0.9], 0.033),
+        ([0.0, 0.9], [0.3, 0.9], 0.2),
+    ]
     surface = window.execute_script(
-        "live.reset(); for (const [levels, dt] of arguments[0]) live.step(levels, dt); return [live.surface(), live.model.doubt];", steps
+        "live.reset(); for (const step of arguments[0]) live.step(...step); return [live.surface(), live.model.doubt];",
+        steps,
     )
-    for levels, dt in steps:
-        tongue.step(dict(zip(MUSCLES, levels, strict=True)), dt)
+    for left, right, dt in steps:
+        tongue.step({"GGP_L": left[0], "GGP_R": right[0], "SL": left[1]}, dt)
     nodes, _ = boundary(tongue.cells)
     free = ReducedTongue(tongue.points, tongue.cells, tongue.modes, tongue.weights, MUSCLES, {}, told).displacement(tongue.coordinates)
     assert abs(free - tongue.displacement())[nodes].max() > 1e-4  # the wall has moved something
@@ -212,6 +294,15 @@ def test_a_browser_computes_the_same(tmp_path: Path, browser: Browser) -> None:
     (tmp_path / "live.toml").write_text(window.execute_script("return live.toml()"))
     assert load(tmp_path / "live.toml").activation["GGP"].course()(0.2) == pytest.approx(0.5)
     assert window.execute_script("return live.csv()").splitlines()[5] == "0.2,0.5,0"
+    window.find_element("id", "sides").click()
+    moved = "const slider = document.querySelectorAll('#muscles input')[1]; slider.value = 0.9; slider.dispatchEvent(new Event('input'));"
+    window.execute_script(moved)
+    window.execute_async_script("setTimeout(arguments[0], 300)")
+    assert window.find_element("id", "muscles").text.split()[::2] == ["GGP_L", "GGP_R", "SL"]
+    assert window.execute_script("return Array.from(live.model.inputs)")[2] < 0  # the right side does more
+    assert window.execute_script("return live.csv()").splitlines()[0] == "time_s,GGP_L,GGP_R,SL"
+    (tmp_path / "sides.toml").write_text(window.execute_script("return live.toml()"))
+    assert load(tmp_path / "sides.toml").activation["GGP_R"].course()(0.2) == pytest.approx(0.5)
     assert not [entry for entry in window.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
 
 

@@ -3,25 +3,39 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from ..core.types import Floats
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..core.types import Floats, Ints
 
 SNAPSHOTS = 6000
 """Of how many states shapes are made, spread over all runs."""
 
 
-def modes_of(displacement: Floats, n_modes: int) -> Floats:
+def mirror_of(points: Floats) -> Ints | None:
+    """The mirror image of each node (n_nodes, 3) across the mid-plane, (n_nodes,); None if a node has none."""
+    distance, image = cKDTree(points).query(points * (1, -1, 1))
+    return image if distance.max() < 1e-9 else None
+
+
+def modes_of(displacements: Sequence[Floats], n_modes: int, mirror: Ints | None = None, sign: int = 1) -> Floats:
     """The shapes (n_modes, n_nodes, 3), each with a mean square of one over the nodes, whose span leaves the least mean square of
-    displacements (n, n_nodes, 3), by the method of snapshots (Sirovich 1987).
+    displacements, each (n, n_nodes, 3), by the method of snapshots (Sirovich 1987); with the `mirror` of the nodes of the part of them that
+    is its own mirror image, or for a `sign` of -1 the opposite of it.
 
     Raises
     ------
     ValueError
         If there are not so many independent ones.
     """
-    n, n_nodes = displacement.shape[:2]
-    some = displacement[:: max(1, n // SNAPSHOTS)].reshape(-1, 3 * n_nodes).astype(np.float64)
+    every = max(1, sum(map(len, displacements)) // SNAPSHOTS)
+    some = np.concatenate([displacement[::every] for displacement in displacements]).astype(np.float64)
+    if mirror is not None:
+        some = (some + sign * some[:, mirror] * (1, -1, 1)) / 2
+    n_nodes = some.shape[1]
+    some = some.reshape(len(some), -1)
     if n_modes > min(some.shape):
         raise ValueError(f"{n_modes} modes of {len(some)} states")
     energies, vectors = np.linalg.eigh(some @ some.T)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..anatomy.catalogue import base_name
 from ..core.errors import InputError
 from ..core.types import Floats
 from ..geometry.obstacles import Triangulated
@@ -18,13 +19,15 @@ from ..geometry.tetrahedron import boundary, volumes
 from ..meshing.tongue_mesh import TongueMesh
 from ..runs.inputs import MESH, SCENARIO
 from ..runs.run import Run
-from .basis import coordinates_of, modes_of
+from .basis import coordinates_of, mirror_of, modes_of
 from .room import Room
-from .tongue import ReducedTongue
+from .tongue import ReducedTongue, inputs_of
 from .training import Sequences, train
 
 KEPT_BACK = 10
 """One run of so many is not learned from: by it the doubt is calibrated."""
+ODD = 40
+"""Shapes more that are odd, where sides of muscles move apart."""
 ACTIVE = 0.05
 """A muscle that is more active is at work."""
 CORNERS = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 5, 6, 7], [5, 6, 7, 9], [4, 5, 7, 8], [5, 7, 8, 9]])
@@ -89,21 +92,28 @@ def runs_in(folders: Sequence[Path]) -> Iterator[Run]:
         yield from runs
 
 
-def levels_of(run: Run, muscles: Sequence[str]) -> Floats:
-    """Activations (n_t, n_muscles) at all steps of a run; a name without side stands for both, which have to go together.
+def sides_apart(run: Run) -> list[str]:
+    """The muscles of which a run moves the sides apart."""
+    relaxed = np.zeros(len(run.time))
+    muscles = dict.fromkeys(base_name(name) for name in run.activation if name != base_name(name))
+    sides = {muscle: [run.activation.get(muscle + side, relaxed) for side in ("_L", "_R")] for muscle in muscles}
+    return [muscle for muscle, (left, right) in sides.items() if not np.array_equal(left, right)]
+
+
+def inputs_in(run: Run, tongue: ReducedTongue) -> Floats:
+    """What a reduced tongue sees, (n_t, n_inputs), at all steps of a run.
 
     Raises
     ------
     InputError
-        If they do not.
+        If the run moves a muscle that the tongue does not have, or sides apart that it has together.
     """
-    columns = []
-    for name in muscles:
-        sides = [run.activation[key] for key in (name, f"{name}_L", f"{name}_R") if key in run.activation]
-        if any(not np.array_equal(sides[0], side) for side in sides):
+    for name in sides_apart(run):
+        if name not in tongue.sides:
             raise InputError(f"{run}: {name}_L and {name}_R do not go together, as the reduced tongue has them.")
-        columns.append(sides[0] if sides else np.zeros(len(run.time)))
-    return np.column_stack(columns)
+    for name in run.activation:
+        tongue.check(base_name(name))
+    return tongue.inputs({name: np.zeros(len(run.time)) for name in tongue.muscles} | run.activation)
 
 
 def displacement_of(run: Run) -> Floats:
@@ -117,14 +127,34 @@ def rows_of_outputs(run: Run) -> np.ndarray:
 
 
 def learn(
-    folders: Sequence[Path], n_modes: int, iterations: int, seed: int, mesh: str, report: Callable[[str], object] = lambda line: None
+    folders: Sequence[Path],
+    n_modes: int,
+    iterations: int,
+    seed: int,
+    mesh: str,
+    begin: ReducedTongue | None = None,
+    report: Callable[[str], object] = lambda line: None,
 ) -> tuple[ReducedTongue, list[Run]]:
-    """A reduced tongue that learned from runs, and those that were kept back, for `calibrate`; `mesh` names theirs.
+    """A reduced tongue that learned from runs, and those that were kept back, for `calibrate`.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+        Of runs and sweeps. Where they move sides of muscles apart the tongue does so too, with `ODD` of the shapes more, odd ones.
+    n_modes, iterations, seed : int
+        Shapes that are their own mirror image (on a mesh that is not, shapes), and see `train`.
+    mesh : str
+        Names the mesh of the runs.
+    begin : ReducedTongue, optional
+        Of the same mesh, in another tissue perhaps: from its memories the training begins.
+    report : callable
+        Is told how it goes.
 
     Raises
     ------
     InputError
-        If there are fewer than two runs, they are of different meshes, or sides of a muscle do not go together.
+        If there are fewer than two runs, they or `begin` are of different meshes, or they move sides apart on a mesh that is not its own
+        mirror image.
     """
     runs = list(runs_in(folders))
     if len(runs) < 2:
@@ -133,29 +163,45 @@ def learn(
     for run in runs:
         if not np.array_equal(run.mesh[0], points):
             raise InputError(f"{run}: has another mesh than {runs[0]}; runs of one mesh are expected.")
-    muscles = list(dict.fromkeys(name.removesuffix("_L").removesuffix("_R") for run in runs for name in run.activation))
+    if begin is not None and not np.allclose(begin.points, points, atol=1e-9):
+        raise InputError(f"--begin: is of another mesh than {runs[0]}; a reduced tongue of the same mesh is expected.")
+    muscles = list(dict.fromkeys(base_name(name) for run in runs for name in run.activation))
+    found = {run: sides_apart(run) for run in runs}
+    sides, mirror = [name for name in muscles if any(name in apart for apart in found.values())], mirror_of(points)
+    if sides and mirror is None:
+        raise InputError(
+            f"{folders[0]}: moves the sides of {sides[0]} apart, and the mesh is not its own mirror image; sides together are expected."
+        )
     back = runs[KEPT_BACK - 1 :: KEPT_BACK] or runs[-1:]
     learned = [run for run in runs if run not in back]
     moved = [displacement_of(run) for run in learned]
     report(f"{len(learned)} runs, {sum(map(len, moved))} states of {len(points)} nodes; {len(back)} runs kept back")
-    modes = modes_of(np.concatenate(moved), n_modes)
-    longest = max(len(run.time) for run in learned)
+    modes = modes_of(moved, n_modes, mirror)
+    if sides:
+        modes = np.concatenate([modes, modes_of([u for run, u in zip(learned, moved, strict=True) if found[run]], ODD, mirror, -1)])
+    odd, longest = len(modes) - n_modes, max(len(run.time) for run in learned)
     shape = len(learned), longest
     sequences = Sequences(
         np.full((len(learned), longest - 1), 5e-3),
-        np.zeros((*shape, len(muscles))),
-        np.zeros((*shape, n_modes)),
+        np.zeros((*shape, len(muscles) + len(sides))),
+        np.zeros((*shape, len(modes))),
         np.zeros(shape, dtype=bool),
+        len(sides),
+        odd,
     )
     for i, (run, displacement) in enumerate(zip(learned, moved, strict=True)):
         n, rows = len(run.time), rows_of_outputs(run)
         sequences.h[i, : n - 1] = np.diff(run.time)
-        sequences.levels[i, :n] = levels_of(run, muscles)
-        sequences.levels[i, n:] = sequences.levels[i, n - 1]
+        sequences.inputs[i, :n] = inputs_of(dict.fromkeys(muscles, np.zeros(n)) | run.activation, muscles, sides)
+        sequences.inputs[i, n:] = sequences.inputs[i, n - 1]
         sequences.coordinates[i, rows] = coordinates_of(displacement, modes)
         sequences.known[i, rows] = True
     weights = train(
-        sequences, iterations=iterations, seed=seed, report=lambda i, error: report(f"iteration {i} of {iterations}: {error:.3f} mm")
+        sequences,
+        iterations=iterations,
+        seed=seed,
+        begin=None if begin is None else begin.weights_for(muscles, sides, modes),
+        report=lambda i, error: report(f"iteration {i} of {iterations}: {error:.3f} mm"),
     )
     told = {
         "model": runs[0].summary["model"],
@@ -168,6 +214,8 @@ def learn(
         "iterations": iterations,
         "rest": {name: list(point) for name, point in runs[0].rest.items()},
         "doubt": 1.0,
+        "sides": sides,
+        "odd": odd,
     }
     hyoid = TongueMesh.read(runs[0].folder / MESH).bones.get("hyoid")
     bones = runs[0].obstacles_at_rest | ({} if hyoid is None else {"hyoid": hyoid})
@@ -193,7 +241,7 @@ def follow(tongue: ReducedTongue, run: Run) -> tuple[Floats, Floats]:
     """
     if not np.allclose(run.mesh[0], tongue.points, atol=1e-9):
         raise InputError(f"{run}: has another mesh than the reduced tongue.")
-    coordinates, doubt = tongue.sequence(run.time, levels_of(run, tongue.muscles))
+    coordinates, doubt = tongue.sequence(run.time, inputs_in(run, tongue))
     rows = rows_of_outputs(run)
     return coordinates[rows], doubt[rows]
 
@@ -220,11 +268,12 @@ def judge(tongue: ReducedTongue, run: Run) -> Errors:
 
 
 def by_activity(tongue: ReducedTongue, runs: Sequence[Run]) -> list[list[str]]:
-    """Errors by how many muscles are at work, beyond `ACTIVE`: a table of the share of the outputs in %, and of the distances of nodes in
-    mm their mean, 95th percentile and largest; names of columns first."""
+    """Errors by how many muscles are at work, beyond `ACTIVE` in the mean of both sides: a table of the share of the outputs in %, and of
+    the distances of nodes in mm their mean, 95th percentile and largest; names of columns first."""
     counts, distances = [], []
     for run in runs:
-        counts.append((levels_of(run, tongue.muscles)[rows_of_outputs(run)] > ACTIVE).sum(axis=1))
+        means = inputs_in(run, tongue)[rows_of_outputs(run), : len(tongue.muscles)]
+        counts.append((means > ACTIVE).sum(axis=1))
         distances.append(1e3 * np.linalg.norm(tongue.displacement(follow(tongue, run)[0]) - displacement_of(run), axis=2))
     count, distance = np.concatenate(counts), np.concatenate(distances)
     rows = [["muscles", "of the time", "mean", "p95", "largest"]]
@@ -238,7 +287,7 @@ def by_activity(tongue: ReducedTongue, runs: Sequence[Run]) -> list[list[str]]:
 def times(tongue: ReducedTongue, run: Run) -> tuple[float, float]:
     """Seconds that the reduced tongue takes for a run, all nodes at its steps included, and that the full one took."""
     begin = clock.perf_counter()
-    tongue.displacement(tongue.sequence(run.time, levels_of(run, tongue.muscles))[0])
+    tongue.displacement(tongue.sequence(run.time, inputs_in(run, tongue))[0])
     return clock.perf_counter() - begin, float(run.summary["wall_seconds"])
 
 

@@ -25,6 +25,14 @@ STEP = 5e-3
 """Longest step in s; a longer one is taken in several."""
 
 
+def inputs_of(levels: Mapping[str, Any], muscles: Sequence[str], sides: Sequence[str]) -> Floats:
+    """What networks see, (…, n_inputs), of levels by muscle, each (…): the means of both sides of `muscles`, then half the differences,
+    left less right, of `sides`. A name without side stands for both, and one that is missing is at rest."""
+    left, right = ({name: levels.get(name + side, levels.get(name, 0.0)) for name in muscles} for side in ("_L", "_R"))
+    means, differences = [left[name] + right[name] for name in muscles], [left[name] - right[name] for name in sides]
+    return np.stack(np.broadcast_arrays(*means, *differences), axis=-1) / 2
+
+
 @dataclass
 class _Memory:
     """Of each network and run: levels, functions of them, and what is kept of these, of each layer."""
@@ -53,7 +61,8 @@ class ReducedTongue:
         Name to surface of what lies around it at rest.
     told : mapping
         Where it comes from: ``tissue`` preset, ``mesh``, ``contact``, ``seeds`` of the runs, ``rest`` places of the landmarks in m,
-        ``doubt`` (mm of error for a mm of disagreement), and more.
+        ``doubt`` (mm of error for a mm of disagreement), ``sides`` (muscles whose sides it knows apart, if any), ``odd`` (how many of the
+        shapes, the last ones, are odd: their mirror image is their opposite), and more.
     room : Room, optional
         What walls leave: nodes of the surface do not go into them.
 
@@ -82,6 +91,8 @@ class ReducedTongue:
         self.muscles, self.bones, self.told = list(muscles), dict(bones), dict(told)
         self.weights = {name: np.asarray(value, dtype=float) for name, value in weights.items()}
         self.room, self.skin = room, boundary(cells)[0]
+        self.sides, self.odd = list(self.told.get("sides", [])), int(self.told.get("odd", 0))
+        self._mirror = np.repeat([1.0, -1.0], [len(self.muscles), len(self.sides)])
         self._taus = [np.exp(self.weights[f"log_tau{layer}"]) for layer in (1, 2)]
         self.reset()
 
@@ -150,7 +161,7 @@ class ReducedTongue:
         """Back to rest, with all muscles relaxed."""
         self.time, self.doubt = 0.0, 0.0
         self.coordinates = np.zeros(len(self.modes))
-        self._memory = self._at_rest(1)
+        self._memory = self._at_rest(2 if self.sides else 1)
 
     def check(self, muscle: str) -> None:
         """Refuse a muscle that it does not have.
@@ -158,10 +169,15 @@ class ReducedTongue:
         Raises
         ------
         InputError
-            If it is not one of `muscles`.
+            If it is neither one of `muscles` nor, with ``_L`` or ``_R``, one of `sides`.
         """
-        if muscle not in self.muscles:
-            raise InputError(f"activation.{muscle}: the reduced tongue has no such muscle; it has {', '.join(self.muscles)}.")
+        if muscle not in self.muscles and not (muscle.endswith(("_L", "_R")) and muscle[:-2] in self.sides):
+            apart = f", and with _L or _R {', '.join(self.sides)}" if self.sides else ""
+            raise InputError(f"activation.{muscle}: the reduced tongue has no such muscle; it has {', '.join(self.muscles)}{apart}.")
+
+    def inputs(self, levels: Mapping[str, Any]) -> Floats:
+        """See `inputs_of`."""
+        return inputs_of(levels, self.muscles, self.sides)
 
     def step(self, levels: Mapping[str, float], dt: float) -> Floats:
         """Go on by `dt` seconds in which each muscle goes linearly to its new level.
@@ -169,7 +185,7 @@ class ReducedTongue:
         Parameters
         ----------
         levels : mapping
-            Muscle to activation, 0…1; those that are not named relax.
+            Muscle to activation, 0…1, both sides or, with ``_L`` or ``_R``, one; those that are not named relax.
         dt : float
             In s.
 
@@ -189,19 +205,36 @@ class ReducedTongue:
             self.check(name)
             if not 0 <= level <= 1:
                 raise InputError(f"levels.{name}: {level}; an activation from 0 to 1 is expected.")
-        answers = self._follow(self._memory, np.array([levels.get(name, 0.0) for name in self.muscles]), dt)[:, 0]
+        return self._step(self.inputs(levels), dt)
+
+    def _step(self, target: Floats, dt: float) -> Floats:
+        answers = self._follow(self._memory, np.stack([target, target * self._mirror]) if self.sides else target[None], dt)
+        there, mirrored = answers[:, 0], answers[:, -1].copy()  # without sides the same
+        mirrored[:, len(self.modes) - self.odd :] *= -1
+        answers = (there + mirrored) / 2
         self.time += dt
         self.coordinates = answers.mean(axis=0)
         self.doubt = self.told.get("doubt", 1.0) * float(np.sqrt(((answers - self.coordinates) ** 2).sum(axis=1).mean()))
         return self.coordinates
 
+    def weights_for(self, muscles: Sequence[str], sides: Sequence[str], modes: Floats) -> dict[str, Floats]:
+        """Its weights for other shapes (n_modes, n_nodes, 3) and other inputs; those that it does not have do nothing."""
+        mine, wanted = ([*names, *(f"{name} apart" for name in apart)] for names, apart in ((self.muscles, self.sides), (muscles, sides)))
+        overlap = self.modes.reshape(len(self.modes), -1) @ modes.reshape(len(modes), -1).T / modes.shape[1]
+        weights = dict(self.weights)
+        for name in ("W1", "W2", "W3", "V"):
+            old = weights[name]
+            rows = [old[:, mine.index(what)] if what in mine else np.zeros_like(old[:, 0]) for what in wanted]
+            weights[name] = np.concatenate([np.stack(rows, axis=1), old[:, len(mine) :]], axis=1)
+        return weights | {name: weights[name] @ overlap for name in ("V", "U")}
+
     def _at_rest(self, n_runs: int) -> _Memory:
         shape = len(self.weights["V"]), n_runs
         nothing = [np.zeros((*shape, tau.shape[-1])) for tau in self._taus]
-        return _Memory(np.zeros((*shape, len(self.muscles))), nothing, [seen.copy() for seen in nothing])
+        return _Memory(np.zeros((*shape, len(self._mirror))), nothing, [seen.copy() for seen in nothing])
 
     def _follow(self, memory: _Memory, target: Floats, dt: float) -> Floats:
-        """What the networks answer, (n_networks, n_runs, n_modes), after `dt` seconds to levels (n_runs, n_muscles); they remember."""
+        """What the networks answer, (n_networks, n_runs, n_modes), after `dt` seconds to inputs (n_runs, n_inputs); they remember."""
         start, n = memory.levels, int(np.ceil(dt / STEP - 1e-9))
         for k in range(1, n + 1):
             everything = memory.levels = start + (target - start) * (k / n)
@@ -224,17 +257,19 @@ class ReducedTongue:
             u[..., skin, :] = self.room.clear(places.reshape(-1, 3)).reshape(places.shape) - rest
         return 1e-3 * u
 
-    def sequence(self, time: Floats, levels: Floats) -> tuple[Floats, Floats]:
-        """Coordinates (n_t, n_modes) in mm and doubt (n_t,) in mm from rest at ``time[0]``, for levels (n_t, n_muscles)."""
+    def sequence(self, time: Floats, inputs: Floats) -> tuple[Floats, Floats]:
+        """Coordinates (n_t, n_modes) in mm and doubt (n_t,) in mm from rest at ``time[0]``, for `inputs` (n_t, n_inputs)."""
         self.reset()
         coordinates, doubt = np.zeros((len(time), len(self.modes))), np.zeros(len(time))
         for i in range(1, len(time)):
-            self.step(dict(zip(self.muscles, map(float, levels[i]), strict=True)), time[i] - time[i - 1])
-            coordinates[i], doubt[i] = self.coordinates, self.doubt
+            coordinates[i], doubt[i] = self._step(inputs[i], time[i] - time[i - 1]), self.doubt
         return coordinates, doubt
 
     def sequences(self, time: Floats, levels: Floats) -> Floats:
-        """Coordinates (n_t, n_runs, n_modes) in mm of many runs at once, for levels (n_t, n_runs, n_muscles)."""
+        """Coordinates (n_t, n_runs, n_modes) in mm of many runs at once, for levels (n_t, n_runs, n_muscles) of both sides."""
         memory = self._at_rest(levels.shape[1])
-        answers = [self._follow(memory, levels[i], time[i] - time[i - 1]).mean(axis=0) for i in range(1, len(time))]
-        return np.stack([np.zeros_like(answers[0]), *answers])
+        inputs = self.inputs({name: levels[..., i] for i, name in enumerate(self.muscles)})
+        answers = [self._follow(memory, inputs[i], time[i] - time[i - 1]).mean(axis=0) for i in range(1, len(time))]
+        q = np.stack([np.zeros_like(answers[0]), *answers])
+        q[..., len(self.modes) - self.odd :] = 0.0
+        return q

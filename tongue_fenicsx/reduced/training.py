@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.types import Bools, Floats
-from .network import answer, fade, features
+from .network import Weights, answer, fade, features
 
 WIDTHS = 96, 128, 128
 """Functions of the two layers of memories, and of the last."""
@@ -30,24 +30,29 @@ class Sequences:
     ----------
     h : (n_runs, n_steps) float array
         Steps in s; a run that is over before others goes on with steps at which it is not known.
-    levels : (n_runs, n_steps + 1, n_muscles) float array
-        Activations at their ends, and at the beginning.
+    inputs : (n_runs, n_steps + 1, n_inputs) float array
+        Activations at their ends, and at the beginning, as `ReducedTongue.inputs` has them.
     coordinates : (n_runs, n_steps + 1, n_modes) float array
         In mm.
     known : (n_runs, n_steps + 1) bool array
         Where there are coordinates.
+    apart, odd : int
+        How many of the inputs, the last ones, are differences of sides, and how many of the coordinates, the last ones, of odd shapes: both
+        change their sign in the mirror.
     """
 
     h: Floats
-    levels: Floats
+    inputs: Floats
     coordinates: Floats
     known: Bools
+    apart: int = 0
+    odd: int = 0
 
 
-def initial(n_muscles: int, n_modes: int, seed: int) -> dict[str, Floats]:
+def initial(n_inputs: int, n_modes: int, seed: int) -> dict[str, Floats]:
     """Weights of `NETWORKS` networks, drawn at random."""
     random = np.random.default_rng(seed)
-    sees = np.cumsum([n_muscles, *WIDTHS[:2]])
+    sees = np.cumsum([n_inputs, *WIDTHS[:2]])
 
     def drawn(rows: int, columns: int, size: float) -> Floats:
         return np.asarray(size * random.standard_normal((NETWORKS, rows, columns)) / np.sqrt(rows))
@@ -61,7 +66,9 @@ def initial(n_muscles: int, n_modes: int, seed: int) -> dict[str, Floats]:
     return weights | {"V": drawn(sees[-1], n_modes, 0.3), "U": drawn(WIDTHS[-1], n_modes, 0.3)}
 
 
-def train(runs: Sequences, *, iterations: int, seed: int, report: Callable[[int, float], object]) -> dict[str, Floats]:
+def train(
+    runs: Sequences, *, iterations: int, seed: int, report: Callable[[int, float], object], begin: Weights | None = None
+) -> dict[str, Floats]:
     """Weights with which networks follow runs.
 
     Parameters
@@ -74,6 +81,8 @@ def train(runs: Sequences, *, iterations: int, seed: int, report: Callable[[int,
         Of the weights that it begins with, and of the order of the runs.
     report : callable
         Is told now and then the number of the iteration and the root mean square of the error in mm.
+    begin : Weights, optional
+        To begin with, instead of weights at random.
 
     Raises
     ------
@@ -114,13 +123,18 @@ def train(runs: Sequences, *, iterations: int, seed: int, report: Callable[[int,
         change, state = optimizer.update(gradient, state, weights)
         return optax.apply_updates(weights, change), state, value
 
-    data = [np.asarray(values, dtype=np.float32) for values in (runs.h, runs.levels, runs.coordinates, runs.known)]
-    weights: Any = {name: np.asarray(value, dtype=np.float32) for name, value in initial(data[1].shape[2], data[2].shape[2], seed).items()}
+    data = [np.asarray(values, dtype=np.float32) for values in (runs.h, runs.inputs, runs.coordinates, runs.known)]
+    first = initial(data[1].shape[2], data[2].shape[2], seed) if begin is None else begin
+    weights: Any = {name: np.asarray(value, dtype=np.float32) for name, value in first.items()}
     state = optimizer.init(weights)
     random, improved = np.random.default_rng(seed), jax.jit(improve)
     for i in range(iterations):
         chosen = random.choice(len(data[0]), min(BATCH, len(data[0])), replace=False)
-        weights, state, value = improved(weights, state, *(values[chosen] for values in data))
+        h, inputs, coordinates, known = (values[chosen] for values in data)
+        mirrored = random.choice([-1.0, 1.0], (len(chosen), 1, 1)).astype(np.float32)  # each run as it was or as its mirror image
+        inputs[..., inputs.shape[2] - runs.apart :] *= mirrored
+        coordinates[..., coordinates.shape[2] - runs.odd :] *= mirrored
+        weights, state, value = improved(weights, state, h, inputs, coordinates, known)
         if i % 100 == 99 or i == iterations - 1:
             report(i + 1, float(np.sqrt(value)))
     return {name: np.asarray(value, dtype=float) for name, value in weights.items()}

@@ -35,7 +35,8 @@ def live_page(tongue: ReducedTongue) -> bytes:
     palate = next((tongue.bones[name] for name in PALATES if name in tongue.bones), None)
     data: dict[str, Any] = {
         "step": STEP,
-        "muscles": [{"name": name, "says": CATALOGUE[name].full_name} for name in tongue.muscles],
+        "muscles": [{"name": name, "says": CATALOGUE[name].full_name, "apart": name in tongue.sides} for name in tongue.muscles],
+        "odd": tongue.odd,
         "weights": {name: {"shape": list(value.shape), "values": pack(value, "<f4")} for name, value in tongue.weights.items()},
         "doubt": tongue.told["doubt"],
         "rest": pack(1e3 * points, "<f4"),

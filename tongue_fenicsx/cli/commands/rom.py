@@ -22,15 +22,21 @@ def train(
     modes: Annotated[int, typer.Option("--modes", metavar="N", min=1, help="Shapes that it is made of.")] = 60,
     iterations: Annotated[int, typer.Option("--iterations", metavar="N", min=1, help="Of the training.")] = 4000,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the training.")] = 0,
+    begin: Annotated[
+        Path | None,
+        typer.Option("--begin", metavar="MODEL.npz", help="A reduced tongue of the same mesh, in another tissue perhaps, to begin with."),
+    ] = None,
     mesh: Annotated[str, typer.Option("--mesh", metavar="PRESET", help="Of the runs, for scenarios that tongue live exports.")] = "coarse",
 ) -> None:
     """Let a reduced tongue learn from the runs of sweeps; one in ten is kept back, and tells the errors."""
     from ...core.errors import check_outputs
     from ...core.tables import markdown
     from ...reduced.learning import Errors, calibrate, learn
+    from ...reduced.tongue import ReducedTongue
 
     check_outputs(output.parent, [output.name])
-    tongue, back = learn(sweeps, modes, iterations, seed, mesh, lambda line: console.print(line))
+    first = None if begin is None else ReducedTongue.load(begin)
+    tongue, back = learn(sweeps, modes, iterations, seed, mesh, first, lambda line: console.print(line))
     tongue.save(output)  # whatever comes
     errors = calibrate(tongue, back)
     tongue.save(output)

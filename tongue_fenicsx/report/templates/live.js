@@ -11,7 +11,8 @@
 
   // ---- the model: as network.py and tongue.py
   const W = Object.fromEntries(Object.entries(page.weights).map(([name, { shape, values }]) => [name, { shape, values: Float64Array.from(floats(values)) }]));
-  const nets = W.V.shape[0], modes = page.scales.length, muscles = page.muscles.map((muscle) => muscle.name);
+  const nets = W.V.shape[0], modes = page.scales.length, even = modes - page.odd, muscles = page.muscles.map((muscle) => muscle.name);
+  const apart = muscles.flatMap((_, i) => (page.muscles[i].apart ? [i] : [])); // whose sides it knows
   const times = (w, net, x, out) => { // out = x W of one network
     const [, rows, columns] = w.shape, at = net * rows * columns;
     out.fill(0);
@@ -23,13 +24,12 @@
     return out;
   };
   const layers = [1, 2, 3].map((number) => ({ w: W[`W${number}`], b: W[`b${number}`], width: W[`W${number}`].shape[2], log: W[`log_tau${number}`] }));
-  const model = { time: 0, q: new Float64Array(modes), doubt: 0, levels: new Float64Array(muscles.length), memories: [] };
+  const model = { time: 0, q: new Float64Array(modes), doubt: 0, inputs: new Float64Array(muscles.length + apart.length), memories: [] };
   const reset = () => {
     model.time = model.doubt = 0;
     model.q.fill(0);
-    model.levels.fill(0);
-    model.memories = [];
-    for (let net = 0; net < nets; net++) model.memories.push(layers.slice(0, 2).map(({ width }) => ({ x: new Float64Array(width), z: new Float64Array(width) })));
+    model.inputs.fill(0);
+    model.memories = [Array.from({ length: nets }, () => layers.slice(0, 2).map(({ width }) => ({ x: new Float64Array(width), z: new Float64Array(width) })))];
   };
   const features = (layer, net, seen) => {
     const { w, b, width } = layers[layer], out = times(w, net, seen, new Float64Array(width));
@@ -39,24 +39,29 @@
     }
     return out;
   };
-  const advance = (levels, h) => {
-    const answers = [];
-    for (let net = 0; net < nets; net++) {
-      let everything = Float64Array.from(levels);
-      for (let layer = 0; layer < 2; layer++) {
-        const z = features(layer, net, everything), memory = model.memories[net][layer], { width, log } = layers[layer];
-        for (let j = 0; j < width; j++) { // the solution of τ ẋ = z − x where z goes linearly
-          const tau = Math.exp(log.values[net * width + j]), slope = (z[j] - memory.z[j]) / h;
-          memory.x[j] = z[j] - tau * slope + (memory.x[j] - memory.z[j] + tau * slope) * Math.exp(-h / tau);
-        }
-        memory.z = z;
-        const joined = new Float64Array(everything.length + width);
-        joined.set(everything);
-        joined.set(memory.x, everything.length);
-        everything = joined;
+  const follow = (net, memories, inputs, h) => { // the answer of one network
+    let everything = inputs;
+    for (let layer = 0; layer < 2; layer++) {
+      const z = features(layer, net, everything), memory = memories[layer], { width, log } = layers[layer];
+      for (let j = 0; j < width; j++) { // the solution of τ ẋ = z − x where z goes linearly
+        const tau = Math.exp(log.values[net * width + j]), slope = (z[j] - memory.z[j]) / h;
+        memory.x[j] = z[j] - tau * slope + (memory.x[j] - memory.z[j] + tau * slope) * Math.exp(-h / tau);
       }
-      const q = times(W.V, net, everything, new Float64Array(modes)), more = times(W.U, net, features(2, net, everything), new Float64Array(modes));
-      answers.push(q.map((value, k) => value + more[k]));
+      memory.z = z;
+      const joined = new Float64Array(everything.length + width);
+      joined.set(everything);
+      joined.set(memory.x, everything.length);
+      everything = joined;
+    }
+    const q = times(W.V, net, everything, new Float64Array(modes)), more = times(W.U, net, features(2, net, everything), new Float64Array(modes));
+    return q.map((value, k) => value + more[k]);
+  };
+  const advance = (inputs, h) => {
+    if (model.memories.length === 1 && inputs.some((value, i) => i >= muscles.length && value)) model.memories.push(structuredClone(model.memories[0]));
+    const mirrored = inputs.map((value, i) => (i < muscles.length ? value : -value)), answers = [];
+    for (let net = 0; net < nets; net++) { // and its mirror image, from when the sides part
+      const [there, image] = model.memories.map((memories, i) => follow(net, memories[net], i ? mirrored : inputs, h));
+      answers.push(there.map((value, k) => (k < even ? (image ? (value + image[k]) / 2 : value) : image ? (value - image[k]) / 2 : 0)));
     }
     let squares = 0;
     for (let k = 0; k < modes; k++) {
@@ -64,12 +69,17 @@
       for (const q of answers) squares += (q[k] - model.q[k]) ** 2;
     }
     model.doubt = page.doubt * Math.sqrt(squares / nets);
-    model.levels.set(levels);
+    model.inputs.set(inputs);
     model.time += h;
   };
-  const step = (levels, dt) => { // as ReducedTongue.step
-    const n = Math.ceil(dt / page.step - 1e-9), from = Float64Array.from(model.levels);
-    for (let i = 1; i <= n; i++) advance(from.map((level, k) => level + (levels[k] - level) * i / n), dt / n);
+  const levelOf = (i, side) => {
+    const half = apart.indexOf(i);
+    return model.inputs[i] + (half < 0 ? 0 : (side ? -1 : 1) * model.inputs[muscles.length + half]);
+  };
+  const step = (left, right, dt) => { // as ReducedTongue.step
+    const inputs = Float64Array.from([...muscles.map((_, i) => (left[i] + right[i]) / 2), ...apart.map((i) => (left[i] - right[i]) / 2)]);
+    const n = Math.ceil(dt / page.step - 1e-9), from = Float64Array.from(model.inputs);
+    for (let k = 1; k <= n; k++) advance(from.map((value, i) => value + (inputs[i] - value) * k / n), dt / n);
   };
 
   // ---- its surface
@@ -142,12 +152,18 @@
   const QUANTITIES = { displacement: { of: length, largest: 15, says: "displacement in mm" }, strain: { of: strain, largest: 0.8, says: "largest strain in the surface" } };
 
   // ---- what moves it: a timeline of knots for each muscle, or the sliders
-  const knots = Math.round(LENGTH / TICK) + 1, course = muscles.map(() => new Float64Array(knots));
-  const wanted = new Float64Array(muscles.length);
-  const at = (t) => course.map((of) => {
+  const knots = Math.round(LENGTH / TICK) + 1;
+  const course = [0, 1].map(() => muscles.map(() => new Float64Array(knots))); // of the left sides and of the right ones
+  const wanted = [0, 1].map(() => new Float64Array(muscles.length));
+  let channels = []; // what a slider and a row of the timeline move: both sides of a muscle, or one
+  const ofSides = () => {
+    channels = muscles.flatMap((name, i) => (by("sides").checked && apart.includes(i)
+      ? [{ name: `${name}_L`, i, sides: [0] }, { name: `${name}_R`, i, sides: [1] }] : [{ name, i, sides: [0, 1] }]));
+  };
+  const at = (t) => course.map((side) => side.map((of) => {
     const x = Math.min(Math.max(t / TICK, 0), knots - 1), k = Math.min(Math.floor(x), knots - 2);
     return of[k] + (x - k) * (of[k + 1] - of[k]);
-  });
+  }));
   const hold = (levels, rise, fall) => Object.fromEntries(Object.entries(levels).map(([name, level]) => [name, (t) => (t < rise ? level * t / rise : t < fall ? level : Math.max(0, level * (1 - (t - fall) / rise)))]));
   const PRESETS = { // postures as demos/postures/ has them
     "GGP: root forward, body up": hold({ GGP: 0.5 }, 0.1, 0.6),
@@ -162,7 +178,7 @@
     "tip up and down: SL, IL": { SL: (t) => 0.4 * Math.max(0, Math.sin(2 * Math.PI * t / 0.5)), IL: (t) => 0.4 * Math.max(0, -Math.sin(2 * Math.PI * t / 0.5)) },
   };
   const usePreset = (name) => {
-    course.forEach((of, i) => { for (let k = 0; k < knots; k++) of[k] = PRESETS[name][muscles[i]]?.(k * TICK) ?? 0; });
+    for (const side of course) side.forEach((of, i) => { for (let k = 0; k < knots; k++) of[k] = PRESETS[name][muscles[i]]?.(k * TICK) ?? 0; });
     drawTimeline();
   };
 
@@ -292,18 +308,18 @@
     return d > 0 && s >= 0 && r >= 0 && s + r <= 1 && now[a + 2] + s * (now[b + 2] - now[a + 2]) + r * (now[c + 2] - now[a + 2]) >= z;
   };
   const drawTimeline = () => {
-    const { context, width, height } = sized(by("timeline")), row = height / muscles.length, left = 52;
+    const { context, width, height } = sized(by("timeline")), row = height / channels.length, left = 52;
     const T = (t) => left + (width - left - 8) * t / LENGTH;
     context.font = "12px system-ui, sans-serif";
-    muscles.forEach((name, i) => {
-      const base = (i + 1) * row - 3, tall = row - 6, colour = ink(`--c${i % 8}`);
+    channels.forEach(({ name, i, sides: [side] }, at) => {
+      const base = (at + 1) * row - 3, tall = row - 6, colour = ink(`--c${i % 8}`);
       context.fillStyle = ink("--rule");
       context.fillRect(left, base, width - left - 8, 1);
       context.fillStyle = ink("--soft");
       context.fillText(name, 6, base - 3);
       context.beginPath();
       context.moveTo(T(0), base);
-      course[i].forEach((level, k) => context.lineTo(T(k * TICK), base - level * tall));
+      course[side][i].forEach((level, k) => context.lineTo(T(k * TICK), base - level * tall));
       context.lineTo(T(LENGTH), base);
       Object.assign(context, { strokeStyle: colour, lineWidth: 1.5, fillStyle: colour });
       context.globalAlpha = 0.25;
@@ -313,20 +329,31 @@
     });
     if (playing) { context.fillStyle = ink("--accent"); context.fillRect(T(Math.min(model.time, LENGTH)), 0, 1.5, height); }
   };
-  const sliders = muscles.map((name, i) => {
-    const label = document.createElement("label"), slider = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 1, step: 0.01, value: 0, autocomplete: "off" });
-    const title = Object.assign(document.createElement("b"), { textContent: name }), output = Object.assign(document.createElement("output"), { textContent: "0.00" });
-    title.style.color = COLOURS[i % 8];
-    label.title = page.muscles[i].says;
-    label.append(title, slider, output);
-    by("muscles").append(label);
-    slider.addEventListener("input", () => { if (playing) play(false); wanted[i] = +slider.value; run(); });
-    return { slider, output };
-  });
+  let sliders = [];
+  const makeSliders = () => {
+    ofSides();
+    by("timeline").style.height = channels.length > muscles.length ? `${1.55 * channels.length}rem` : "";
+    sliders = channels.map(({ name, i, sides }) => {
+      const slider = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 1, step: 0.01, value: wanted[sides[0]][i], autocomplete: "off" });
+      const label = document.createElement("label"), title = Object.assign(document.createElement("b"), { textContent: name }), output = document.createElement("output");
+      title.style.color = COLOURS[i % 8];
+      label.title = page.muscles[i].says;
+      label.append(title, slider, output);
+      slider.addEventListener("input", () => {
+        if (playing) play(false);
+        for (const side of sides) wanted[side][i] = +slider.value;
+        run();
+      });
+      return { label, slider, output };
+    });
+    by("muscles").replaceChildren(...sliders.map(({ label }) => label));
+    tell();
+  };
   const tell = () => {
-    model.levels.forEach((level, i) => {
-      sliders[i].output.textContent = level.toFixed(2);
-      if (playing) sliders[i].slider.value = level;
+    channels.forEach(({ i, sides: [side] }, k) => {
+      const level = levelOf(i, side);
+      sliders[k].output.textContent = level.toFixed(2);
+      if (playing) sliders[k].slider.value = level;
     });
     by("clock").textContent = `${Math.round(1000 * model.time)} ms`;
     by("doubt").textContent = `± ${model.doubt.toFixed(2)} mm`;
@@ -339,9 +366,9 @@
     last = instant;
     if (playing) {
       if (model.time >= LENGTH - 1e-9) { if (by("loop").checked) start(); else play(false); }
-      else step(at(model.time + dt), Math.min(dt, LENGTH - model.time));
+      else step(...at(model.time + dt), Math.min(dt, LENGTH - model.time));
     } else if (moving > 0) {
-      step(wanted, dt);
+      step(...wanted, dt);
       moving -= dt;
     }
     place();
@@ -374,9 +401,9 @@
     playing = on;
     by("play").textContent = on ? "Pause" : "Play";
     last = performance.now();
-    if (on && (model.time >= LENGTH - 1e-9 || moving > 0 || wanted.some((level) => level))) start();
-    if (on) wanted.fill(0);
-    else wanted.set(model.levels);
+    if (on && (model.time >= LENGTH - 1e-9 || moving > 0 || wanted.flatMap((side) => [...side]).some((level) => level))) start();
+    if (on) for (const side of wanted) side.fill(0);
+    else wanted.forEach((levels, side) => muscles.forEach((_, i) => { levels[i] = levelOf(i, side); }));
     moving = 0;
     drawTimeline();
     ask();
@@ -394,9 +421,9 @@
   };
   const toml = () => [
     page.scenario, "[time]", `end = ${LENGTH.toFixed(1)}`, "",
-    ...muscles.flatMap((name, i) => (course[i].some((level) => level > 0) ? [`[activation.${name}]`, `pieces = ${pieces(course[i])}`, ""] : [])),
+    ...channels.flatMap(({ name, i, sides: [side] }) => (course[side][i].some((level) => level > 0) ? [`[activation.${name}]`, `pieces = ${pieces(course[side][i])}`, ""] : [])),
   ].join("\n");
-  const csv = () => [["time_s", ...muscles].join(","), ...Array.from({ length: knots }, (_, k) => [+(k * TICK).toFixed(4), ...course.map((of) => +of[k].toFixed(4))].join(","))].join("\n");
+  const csv = () => [["time_s", ...channels.map(({ name }) => name)].join(","), ...Array.from({ length: knots }, (_, k) => [+(k * TICK).toFixed(4), ...channels.map(({ i, sides: [side] }) => +course[side][i][k].toFixed(4))].join(","))].join("\n");
   const save = (name, text) => {
     const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(new Blob([`${text}\n`], { type: "text/plain" })), download: name });
     link.click();
@@ -413,7 +440,7 @@
     start();
     const apart = trails.map(() => 0);
     found.time.forEach((t, i) => {
-      if (i) step(at(t), t - found.time[i - 1]);
+      if (i) step(...at(t), t - found.time[i - 1]);
       place();
       trails.forEach(({ name, node }, k) => { apart[k] += Math.hypot(...[0, 1, 2].map((j) => now[3 * node + j] - found.paths[name][i][j])) / found.time.length; });
     });
@@ -429,11 +456,18 @@
   for (const name of Object.keys(PRESETS)) by("preset").append(new Option(name, name));
   by("preset").addEventListener("change", () => { usePreset(by("preset").value); play(true); });
   by("play").addEventListener("click", () => play(!playing));
-  by("rest").addEventListener("click", () => { play(false); start(); wanted.fill(0); sliders.forEach(({ slider }) => { slider.value = 0; }); ask(); });
-  by("clear").addEventListener("click", () => { course.forEach((of) => of.fill(0)); drawTimeline(); });
+  by("rest").addEventListener("click", () => { play(false); start(); for (const side of wanted) side.fill(0); sliders.forEach(({ slider }) => { slider.value = 0; }); ask(); });
+  by("clear").addEventListener("click", () => { for (const side of course) side.forEach((of) => of.fill(0)); drawTimeline(); });
   by("toml").addEventListener("click", () => save("live.toml", toml()));
   by("csv").addEventListener("click", () => save("live.csv", csv()));
   by("bones").addEventListener("change", ask);
+  by("sides").parentElement.hidden = !apart.length;
+  by("sides").addEventListener("change", () => { // together again, both do what the left ones did
+    if (!by("sides").checked) [course, wanted].forEach(([left, right]) => left.forEach((of, i) => { if (of.set) right[i].set(of); else right[i] = of; }));
+    makeSliders();
+    drawTimeline();
+    if (!playing) run();
+  });
   const scale = () => {
     const { largest, says } = QUANTITIES[by("colour").value];
     by("quantity").textContent = says;
@@ -445,14 +479,16 @@
   for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => stage?.face(button.dataset.view));
   let drawn = null; // the knot and row that the pointer drew last
   const paintCourse = (e) => {
-    const box = by("timeline").getBoundingClientRect(), row = box.height / muscles.length, left = 52;
+    const box = by("timeline").getBoundingClientRect(), row = box.height / channels.length, left = 52;
     const k = Math.min(Math.max(Math.round((e.clientX - box.left - left) / (box.width - left - 8) * LENGTH / TICK), 0), knots - 1);
-    const i = drawn?.i ?? Math.min(Math.max(Math.floor((e.clientY - box.top) / row), 0), muscles.length - 1);
-    const level = Math.round(100 * Math.min(Math.max(((i + 1) * row - 3 - (e.clientY - box.top)) / (row - 6), 0), 1)) / 100;
+    const at = drawn?.at ?? Math.min(Math.max(Math.floor((e.clientY - box.top) / row), 0), channels.length - 1), { i, sides } = channels[at];
+    const level = Math.round(100 * Math.min(Math.max(((at + 1) * row - 3 - (e.clientY - box.top)) / (row - 6), 0), 1)) / 100;
     const from = drawn ?? { k, level };
-    for (let j = Math.min(k, from.k); j <= Math.max(k, from.k); j++) course[i][j] = k === from.k ? level : from.level + (level - from.level) * (j - from.k) / (k - from.k);
-    course[i][0] = 0;
-    drawn = { i, k, level };
+    for (const of of sides.map((side) => course[side][i])) {
+      for (let j = Math.min(k, from.k); j <= Math.max(k, from.k); j++) of[j] = k === from.k ? level : from.level + (level - from.level) * (j - from.k) / (k - from.k);
+      of[0] = 0;
+    }
+    drawn = { at, k, level };
     drawTimeline();
   };
   by("timeline").addEventListener("pointerdown", (e) => { by("timeline").setPointerCapture(e.pointerId); drawn = null; paintCourse(e); });
@@ -473,6 +509,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { drawTimeline(); ask(); });
   window.live = { reset, step, model, toml, csv, shares, place, surface: () => { place(); return Array.from(now); } }; // for whoever wants to ask it
   reset();
+  makeSliders();
   usePreset(Object.keys(PRESETS)[0]);
   scale();
 })();
