@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.tables import markdown
 from tongue_fenicsx.core.types import Floats
-from tongue_fenicsx.reduced.learning import displacement_of, judge
+from tongue_fenicsx.reduced.judging import displacement_of, judge
 from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import Workbench, activation_of
 from tongue_fenicsx.scenario.schema import Scenario

@@ -373,6 +373,7 @@ contact = {{ palate = {{}} }}
 n = {n}
 seed = {seed}
 muscles = ["GGP", "MH"]
+sides = "{sides}"
 level = [0.0, 0.5]
 """
 
@@ -380,16 +381,20 @@ level = [0.0, 0.5]
 @pytest.mark.slow
 def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Sweep, train, test and run: a small one follows runs of another seed, its folder is that of a run, and its page is whole."""
-    for name, n, seed in (("learn", 10, 1), ("judge", 2, 2)):
-        (tmp_path / f"{name}.toml").write_text(SWEEP.format(mesh=tongue_file, n=n, seed=seed))
+    for name, n, seed, sides in (("learn", 10, 1, "together"), ("apart", 5, 2, "apart"), ("judge", 2, 3, "together")):
+        (tmp_path / f"{name}.toml").write_text(SWEEP.format(mesh=tongue_file, n=n, seed=seed, sides=sides))
         code, said = command(capsys, "sweep", tmp_path / f"{name}.toml", "-o", tmp_path / name)
         assert code == 0, said
     model = tmp_path / "tongue.npz"
-    options = ["--modes", "8", "--iterations", "300"]
-    line = [sys.executable, "-m", "tongue_fenicsx", "rom", "train", str(tmp_path / "learn"), "-o", str(model), *options]
-    done = elsewhere(partial(subprocess.run, line, capture_output=True, text=True, timeout=280))
-    assert done.returncode == 0, done.stderr
-    assert "9 runs, 99 states" in done.stdout
+
+    def train(*arguments: object) -> str:
+        options = ["--modes", "8", "--iterations", "300"]
+        line = [sys.executable, "-m", "tongue_fenicsx", "rom", "train", *map(str, arguments), *options]
+        done = elsewhere(partial(subprocess.run, line, capture_output=True, text=True, timeout=280))
+        assert done.returncode == 0, done.stderr
+        return str(done.stdout)
+
+    assert "9 runs, 99 states" in train(tmp_path / "learn", "-o", model)
     code, said = command(capsys, "rom", "test", model, tmp_path / "judge")
     assert code == 0, said
     judged, _, activity = said.partition("| muscles |")
@@ -412,3 +417,15 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     code, said = command(capsys, "live", model, "--save", tmp_path / "page.html")
     assert code == 0, said
     assert set(re.findall(r"https?://[\w.]+", (tmp_path / "page.html").read_text())) == {"http://www.w3.org"}  # a name, not an address
+    one_sided = tmp_path / "apart" / "runs" / "00000" / "scenario.toml"
+    code, said = command(capsys, "rom", "run", model, one_sided, "-o", tmp_path / "sides")
+    assert (code, "it has GGP, MH." in said) == (2, True), said
+    assert "14 runs, 154 states" in train(tmp_path / "learn", tmp_path / "apart", "-o", tmp_path / "sides.npz", "--begin", model)
+    code, said = command(capsys, "rom", "run", tmp_path / "sides.npz", one_sided, "-o", tmp_path / "sides")
+    assert code == 0, said
+    (left, right), (full_left, full_right) = (
+        [run.probes[f"edge_{side}"][-1] for side in ("left", "right")] for run in (tf.Run(tmp_path / "sides"), tf.Run(one_sided.parent))
+    )
+    mirrored = np.array([1, -1, 1])
+    apart = full_left - mirrored * full_right
+    assert np.linalg.norm(left - mirrored * right - apart) < 0.5 * np.linalg.norm(apart)

@@ -22,7 +22,7 @@ from ..runs.store import Folder
 from ..runs.writer import FIELDS, LEFT_BEFORE, SUMMARY
 from ..simulation.step_control import StepControl
 from ..simulation.stepping import Stepping
-from .learning import volume
+from .judging import volume
 from .tongue import STEP, ReducedTongue
 
 

@@ -31,7 +31,8 @@ def train(
     """Let a reduced tongue learn from the runs of sweeps; one in ten is kept back, and tells the errors."""
     from ...core.errors import check_outputs
     from ...core.tables import markdown
-    from ...reduced.learning import Errors, calibrate, learn
+    from ...reduced.judging import Errors, calibrate
+    from ...reduced.learning import learn
     from ...reduced.tongue import ReducedTongue
 
     check_outputs(output.parent, [output.name])
@@ -82,7 +83,8 @@ def test(
     import numpy as np
 
     from ...core.tables import markdown
-    from ...reduced.learning import Errors, by_activity, judge, runs_in, times
+    from ...reduced.judging import Errors, by_activity, judge, times
+    from ...reduced.learning import runs_in
     from ...reduced.tongue import ReducedTongue
 
     tongue = ReducedTongue.load(model)
