@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import EXAMPLE, write_block
 
+import tongue_fenicsx as tf
 from tongue_fenicsx.anatomy.catalogue import CALKA_STRESS
 from tongue_fenicsx.cli.app import main
 from tongue_fenicsx.scenario.files import dump, load
@@ -298,6 +299,13 @@ def test_bad_input_on_two_ranks(scenario: Path) -> None:
 
 
 HEAVY = ("dolfinx", "gmsh", "matplotlib", "pymeshfix", "pyvista", "scipy", "ufl")
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """That of the distribution; without a command the help, and what is missing."""
+    code, said = tongue(capsys)
+    assert (code, said.splitlines()[-1]) == (2, "error: A command is expected. See tongue --help.")
+    assert tongue(capsys, "--version") == (0, f"tongue_fenicsx {tf.__version__}\n")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["chekc", "a.toml"], ["check", "a.toml", "--fast"], ["run"]])

@@ -9,6 +9,7 @@ import sys
 import traceback
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import Annotated
 
 import typer
 from rich.text import Text
@@ -19,7 +20,6 @@ from . import commands, process
 from .terminal import errors
 
 app = typer.Typer(
-    help="Biomechanics of the human tongue: build a mesh, run a scenario, look at the pictures.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -30,6 +30,22 @@ for _module in iter_modules(commands.__path__):
         app.add_typer(_command, name=_module.name)
     else:
         app.command()(_command)
+
+
+def _version(asked: bool) -> None:
+    """Say which one this is, and leave."""
+    if asked:
+        from .. import __version__
+
+        print(f"tongue_fenicsx {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def tongue(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")] = False,
+) -> None:
+    """Biomechanics of the human tongue: build a mesh, run a scenario, look at the pictures."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -76,7 +92,7 @@ def _explain(error: BaseException) -> tuple[int, Text]:
     if isinstance(error, InputError | SolveError):
         return 2 if isinstance(error, InputError) else 3, _sentence(str(error))
     if isinstance(error, typer.TyperException):
-        return 2, _sentence(f"{error.format_message()} See tongue --help.")
+        return 2, _sentence(f"{error.format_message() or 'A command is expected.'} See tongue --help.")
     if isinstance(error, ImportError) and not str(error.name).startswith("tongue_fenicsx"):
         return 2, _sentence(f"{error}; tongue doctor says how to install what is missing.")
     return 1, _sentence(repr(error))
