@@ -1,16 +1,17 @@
 # docker build -t tongue_fenicsx .
 # docker run --rm -v "$PWD/runs:/work/runs" --user "$(id -u):$(id -g)" tongue_fenicsx run demos/ggp.toml -o runs/ggp
 # docker run --rm --entrypoint mpiexec -v "$PWD/runs:/work/runs" tongue_fenicsx -n 2 tongue run demos/ggp.toml -o runs/ggp
-FROM python:3.13-slim-bookworm AS build
+FROM debian:trixie-slim AS build
+RUN apt-get update && apt-get install -y --no-install-recommends python3-venv
 WORKDIR /src
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY tongue_fenicsx ./tongue_fenicsx
-RUN python -m venv /opt/tongue && /opt/tongue/bin/pip install --no-cache-dir -c constraints.txt '.[wheel]'
+RUN python3 -m venv /opt/tongue && /opt/tongue/bin/pip install --no-cache-dir -c constraints.txt '.[wheel]'
 
-FROM python:3.13-slim-bookworm
+FROM debian:trixie-slim
 # gcc compiles forms that are not in the image yet; the others are what Gmsh and VTK load
 RUN apt-get update \
- && apt-get install -y --no-install-recommends gcc libc6-dev libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1 libegl1 \
+ && apt-get install -y --no-install-recommends python3 gcc libc6-dev libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1 libegl1 \
  && rm -rf /var/lib/apt/lists/* \
  && useradd --create-home tongue && mkdir -p /work/runs && chown tongue /work /work/runs
 COPY --from=build /opt/tongue /opt/tongue

@@ -15,7 +15,7 @@ import pytest
 
 import tongue_fenicsx as tf
 from tongue_fenicsx.core.fingerprint import fingerprint
-from tongue_fenicsx.core.values import Length, Point, Real, checked, in_metres
+from tongue_fenicsx.core.values import Length, OneOf, Point, Real, checked, in_metres
 from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.mechanics.activation import FunctionOfTime
 from tongue_fenicsx.scenario.files import dump, load
@@ -31,6 +31,13 @@ class Thing:
     long: Length
     where: Point
     heavy: Annotated[float, Real("kg", low=0)] = 1.0
+
+
+def test_kinds_of_values_can_be_joined() -> None:
+    """`typing` of Python 3.12 hashes what it joins."""
+    choice = Annotated[str, OneOf(names={"a": 1})]
+    assert {choice, choice | None} == {choice, choice | None}
+    assert hash(choice)
 
 
 def test_one_definition_for_python_and_files() -> None:

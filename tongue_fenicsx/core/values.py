@@ -126,7 +126,7 @@ class Vector(Accepts):
         return None if None in taken else cast(tuple[float, ...], tuple(taken))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # typing hashes it, and a table of names cannot be
 class OneOf(Accepts):
     """One of some names or numbers, which may grow."""
 
