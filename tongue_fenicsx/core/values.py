@@ -126,11 +126,15 @@ class Vector(Accepts):
         return None if None in taken else cast(tuple[float, ...], tuple(taken))
 
 
-@dataclass(frozen=True, eq=False)  # typing hashes it, and a table of names cannot be
+@dataclass(frozen=True)
 class OneOf(Accepts):
     """One of some names or numbers, which may grow."""
 
     names: Collection[Any] = ()
+
+    def __hash__(self) -> int:
+        """Of the names, which may be a table, for `typing` hashes what it joins."""
+        return hash(tuple(self.names))
 
     @property
     def expected(self) -> str:
