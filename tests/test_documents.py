@@ -36,6 +36,7 @@ SCENARIOS = sorted(
     for path in HOUSE.glob(f"{room}/**/*.toml")
     if path.parent != SUBJECT_FILES and path not in SWEEPS + FITS
 )
+RECIPE = HOUSE / ".ci" / "conda" / "meta.yaml"
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 
 BONES_OF_PB = ["contact.palate_hard.surface=palate", "contact.pharynx_wall.surface=pharynx"]
@@ -201,6 +202,19 @@ def test_one_version() -> None:
     number = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     assert tf.__version__ == version("tongue_fenicsx") == number
     assert f"\nversion: {number}\n" in (HOUSE / "CITATION.cff").read_text("utf-8")
+    assert f'set version = "{number}"' in RECIPE.read_text("utf-8")
+    assert f"\n## {number}\n" in (HOUSE / "CHANGELOG.md").read_text("utf-8")
+
+
+def test_recipe_for_conda() -> None:
+    """It asks for what the distribution asks for, by conda's names, and for DOLFINx."""
+    needs = tomllib.loads((HOUSE / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    ours = {"gmsh": "python-gmsh", "matplotlib": "matplotlib-base"}
+    wanted = {f"{ours.get(name, name)} >={least}" for name, least in (need.split(">=") for need in needs)}
+    run = RECIPE.read_text("utf-8").partition("  run:\n")[2].partition("\n\n")[0]
+    found = {line.removeprefix("    - ") for line in run.splitlines()}
+    assert found - wanted == {"python >=3.12", "fenics-dolfinx >=0.11", "petsc * real_*", "c-compiler"}
+    assert wanted <= found
 
 
 @pytest.mark.parametrize(
