@@ -11,7 +11,7 @@ RUN python3 -m venv /opt/tongue && /opt/tongue/bin/pip install --no-cache-dir -c
 FROM debian:trixie-slim
 # gcc compiles forms that are not in the image yet; the others are what Gmsh and VTK load
 RUN apt-get update \
- && apt-get install -y --no-install-recommends python3 gcc libc6-dev libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1 libegl1 \
+ && apt-get install -y --no-install-recommends python3-dev gcc libc6-dev libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1 libegl1 \
  && rm -rf /var/lib/apt/lists/* \
  && useradd --create-home tongue && mkdir -p /work/runs && chown tongue /work /work/runs
 COPY --from=build /opt/tongue /opt/tongue

@@ -268,6 +268,10 @@ def test_doctor(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPa
     code, text = tongue(capsys, "doctor")
     assert code == 2
     assert "bad C compiler: no-such-compiler is not on the PATH" in text
+    monkeypatch.delenv("CC")
+    monkeypatch.setattr("sysconfig.get_path", lambda name: "/nowhere")
+    code, text = tongue(capsys, "doctor")
+    assert (code, "bad C compiler: cc does not find Python's headers (Python.h)" in text) == (2, True)
 
 
 def test_solve_that_fails_exits_with_3(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

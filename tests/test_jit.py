@@ -77,6 +77,6 @@ def test_no_compiler(compiler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("CC", compiler)
     mesh = create_unit_interval(MPI.COMM_SELF, 2)
-    with pytest.raises(tf.InputError, match=f"{compiler}.*a C compiler and room in .* are needed, tongue doctor says"):
+    with pytest.raises(tf.InputError, match=f"{compiler}.*a C compiler, Python's headers and room in .* are needed, tongue doctor says"):
         jit.compile_form(fem.Constant(mesh, 1.0) * ufl.dx, mesh.comm)
     assert [path.suffix for path in tmp_path.rglob("*") if path.is_file()] == [".lock"]

@@ -8,6 +8,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from collections.abc import Iterator
 from importlib import import_module
@@ -69,10 +70,11 @@ def _compiler() -> Finding:
         return "C compiler", False, f"{compiler} is not on the PATH; FFCx needs one, on Debian: apt install gcc libc6-dev"
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "probe.c"
-        source.write_text("#include <math.h>\ndouble f(double x) { return sqrt(x); }\n")
-        result = subprocess.run(
-            [compiler, "-O3", "-march=native", "-shared", "-fPIC", "-o", f"{folder}/probe.so", str(source)], capture_output=True, text=True
-        )
+        source.write_text("#include <math.h>\n#include <Python.h>\ndouble f(double x) { return sqrt(x); }\n")
+        options = ["-O3", "-march=native", "-shared", "-fPIC", f"-I{sysconfig.get_path('include')}"]
+        result = subprocess.run([compiler, *options, "-o", f"{folder}/probe.so", str(source)], capture_output=True, text=True)
+    if "Python.h" in result.stderr:
+        return "C compiler", False, f"{compiler} does not find Python's headers (Python.h); on Debian: apt install python3-dev"
     if result.returncode:
         return (
             "C compiler",
