@@ -21,6 +21,7 @@ import tongue_fenicsx as tf
 from tongue_fenicsx.analysis.comparison import differing_keys, naturally, open_runs
 from tongue_fenicsx.analysis.moments import field_at, obstacles_at
 from tongue_fenicsx.analysis.tables import Table
+from tongue_fenicsx.analysis.trajectories import read_places, write_places
 from tongue_fenicsx.plotting.movie import draw_movie
 from tongue_fenicsx.plotting.response_curves import draw_responses
 from tongue_fenicsx.plotting.scene import stage, values_at
@@ -120,6 +121,30 @@ def test_movies(run: tf.Run, tmp_path: Path, capsys: pytest.CaptureFixture[str])
         assert (gif.n_frames, gif.size, gif.info["duration"], gif.info["loop"]) == (3, (1280, 720), 50, 0)  # type: ignore[attr-defined]
     assert seen == [(1, 3), (2, 3), (3, 3)]
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["a.mp4", "b.gif"]
+
+
+def test_points_beside_a_movie(run: tf.Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Places that are not where the probe is are drawn beside it, from a table that is written and read again to its digits."""
+    times = np.array([0.0, run.output_times[-1]])
+    places = run.rest["tip"] + np.array([[0.0, 0, 0], [-0.004, 0, 0.006]])
+    write_places({"tip": (times, places), "late": (times[1:], places[1:] - 0.01)}, tmp_path / "paths.csv")
+    read = read_places(tmp_path / "paths.csv")
+    np.testing.assert_allclose(read["tip"][1], places, atol=1e-7)
+    line = ["movie", run.folder, "--seconds", "0.1", "--fps", "20", "--beside", tmp_path / "paths.csv"]
+    plain, beside = tmp_path / "plain.gif", tmp_path / "beside.gif"
+    assert command(capsys, *line, "-o", beside, "--section", "midsagittal")[0] == 0
+    draw_movie(run, plain, view=None, seconds=0.1, fps=20)
+    last = []
+    for path in (plain, beside):
+        with Image.open(path) as gif:
+            gif.seek(1)
+            last.append(np.asarray(gif.convert("RGB")).astype(int))
+    assert 200 < (abs(last[0] - last[1]).max(axis=-1) > 60).sum() < 10_000
+    code, said = command(capsys, *line, "-o", beside)
+    assert (code, "--section midsagittal is expected" in said) == (2, True)
+    (tmp_path / "paths.csv").write_text("a,b\n1,2\n")
+    code, said = command(capsys, *line, "-o", beside, "--section", "midsagittal")
+    assert (code, "NAME_x_m" in said) == (2, True)
 
 
 def test_a_movie_that_fails_leaves_the_old_one(run: tf.Run, tmp_path: Path) -> None:

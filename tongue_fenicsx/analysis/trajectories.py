@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.errors import reading
 from ..core.types import Floats
 
 if TYPE_CHECKING:
@@ -41,13 +43,45 @@ def motion(time: Floats, path: Floats) -> tuple[Floats, Floats]:
     return fast, np.where(fast > SLOW, curvature(path), np.nan)
 
 
+def read_places(path: Path) -> dict[str, tuple[Floats, Floats]]:
+    """Places of points over time in a table as `write_trajectories` writes one: name to times (n,) in s and places (n, 3) in m.
+
+    Raises
+    ------
+    InputError
+        If the file has no times or no point, or something else than numbers.
+    """
+    with reading(path, "a table with time_s and NAME_x_m, NAME_y_m, NAME_z_m, as trajectories.csv has them,"):
+        table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8-sig", ndmin=1)
+        names = [name.removesuffix("_x_m") for name in table.dtype.names or () if name.endswith("_x_m")]
+        if not names:
+            raise ValueError("no point")
+        return {name: (table["time_s"], np.column_stack([table[f"{name}_{axis}_m"] for axis in "xyz"])) for name in names}
+
+
 def write_trajectories(run: Run, path: Path) -> None:
     """Write a CSV table: time in s, then of each probe place in m, speed in m/s and curvature in 1/m (empty where there is none)."""
     columns = {"time_s": run.time}
     for name, displacement in run.probes.items():
         place = run.rest[name] + displacement
         fast, bend = motion(run.time, place)
-        columns |= {f"{name}_{axis}_m": x for axis, x in zip("xyz", place.T, strict=True)}
-        columns |= {f"{name}_speed_m_s": fast, f"{name}_curvature_1_m": bend}
+        columns |= _columns(name, place) | {f"{name}_speed_m_s": fast, f"{name}_curvature_1_m": bend}
+    _write(columns, path)
+
+
+def write_places(points: Mapping[str, tuple[Floats, Floats]], path: Path) -> None:
+    """Write a CSV table of places (n, 3) in m of points, each at its times (n,) in s; between these they go straight."""
+    times = np.unique(np.concatenate([times for times, _ in points.values()]))
+    columns = {"time_s": times}
+    for name, (known, places) in points.items():
+        columns |= _columns(name, np.column_stack([np.interp(times, known, along) for along in places.T]))
+    _write(columns, path)
+
+
+def _columns(name: str, places: Floats) -> dict[str, Floats]:
+    return {f"{name}_{axis}_m": x for axis, x in zip("xyz", places.T, strict=True)}
+
+
+def _write(columns: Mapping[str, Floats], path: Path) -> None:
     rows = ([f"{number:.6g}" if np.isfinite(number) else "" for number in row] for row in np.column_stack(list(columns.values())))
     path.write_text("\n".join(map(",".join, [list(columns), *rows])) + "\n", encoding="utf-8")

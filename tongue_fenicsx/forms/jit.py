@@ -138,7 +138,8 @@ def _find(item: Any, make: Callable[[Path], None], layout: str = "") -> Path:
     except (cffi.VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise InputError(
-            f"a form cannot be compiled ({reason}); a C compiler, Python's headers and room in {folder} are needed, tongue doctor says what is missing."
+            f"a form cannot be compiled ({reason}); a C compiler, Python's headers and room in {folder} are needed, "
+            "tongue doctor says what is missing."
         ) from error
     return entry
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ..runs.run import Run
 
 COLOURS = "viridis"
+PATHS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Of lines, which eyes that confuse red and green tell apart too (Okabe and Ito 2008)."""
 BONE = "#b3926a"
 BACKWARD = "← front    x in mm    back →"
 """Along an axis of the mid-sagittal plane."""

@@ -18,8 +18,8 @@ from ..analysis.moments import check_moment, ends, obstacles_at
 from ..analysis.tongue_grid import cut, grids_at, mid_plane, outline
 from ..core.errors import InputError
 from ..runs.run import Run
-from .canvas import BACKWARD, BONE, curves
-from .run_figures import DASHES, PATHS, PROBES
+from .canvas import BACKWARD, BONE, PATHS, curves
+from .run_figures import DASHES, PROBES
 
 REST = "0.6"
 

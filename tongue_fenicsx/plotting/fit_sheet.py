@@ -13,8 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..core.types import Floats
 from ..runs.run import Run
-from .canvas import save_both
-from .run_figures import PATHS
+from .canvas import PATHS, save_both
 
 COLUMNS = 4
 

@@ -16,7 +16,7 @@ from ..analysis.moments import check_moment
 from ..core.errors import InputError
 from ..core.files import at_once
 from ..runs.run import Run
-from .scene import VIEWS, stage
+from .scene import VIEWS, Places, stage
 
 SHORT = {"hencky": "hencky_von_mises", "J": "jacobian"}
 """Other names of fields."""
@@ -34,6 +34,7 @@ def draw_movie(
     end: float | None = None,
     seconds: float = 4.0,
     fps: int = 25,
+    beside: Places | None = None,
     report: Callable[[int, int], None] = lambda frame, frames: None,
 ) -> Path:
     """Draw the motion of a run as a movie of 1280 × 720 pixels, and return its file.
@@ -56,19 +57,24 @@ def draw_movie(
         How long the movie takes.
     fps : int
         Frames per second.
+    beside : mapping, optional
+        Name to times (n,) in s and places (n, 3) in m of points, such as sensors, that the section shows beside the probes of their names.
     report : callable
         Gets the number of each frame that is drawn and how many there are.
 
     Raises
     ------
     InputError
-        If the suffix is another, the run has no such field or no fields at such a time, or MP4 cannot be written on this machine.
+        If the suffix is another, the run has no such field or no fields at such a time, or MP4 cannot be written on this machine, or
+        points are to stand beside a view in space.
     """
     path = Path(path)
     if path.suffix not in WRITERS:
         raise InputError(f"{path}: a movie named {' or '.join(WRITERS)} is expected.")
     if view is not None and view not in VIEWS:
         raise InputError(f"movie: view {view!r} is not one of {', '.join(VIEWS)}.")
+    if beside and view is not None:
+        raise InputError("movie: points beside the tongue are drawn in its section; leave out the view.")
     field = SHORT.get(quantity, quantity)
     with run.reading("fields.h5"):
         run.field(field, 0)
@@ -80,7 +86,7 @@ def draw_movie(
     seen = np.unique([first, *outputs[(outputs > first) & (outputs < last)], last])
 
     def frames() -> Frames:
-        with stage(run, field, seen, view) as (figure, show):
+        with stage(run, field, seen, view, beside) as (figure, show):
             canvas = FigureCanvasAgg(figure)
             for number, t in enumerate(times, start=1):
                 show(float(t))

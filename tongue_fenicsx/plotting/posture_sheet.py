@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from ..analysis.airway import Airways, Postures
 from ..analysis.tongue_grid import cut, grids, mid_plane, outline
 from ..core.types import Floats
-from .canvas import BACKWARD, BONE, curves, save_both
-from .run_figures import PATHS, name_parts
+from .canvas import BACKWARD, BONE, PATHS, curves, save_both
+from .run_figures import name_parts
 
 
 def draw_sheet(postures: Postures, passages: Airways, path: Path) -> list[Path]:

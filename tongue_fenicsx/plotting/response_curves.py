@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from ..analysis.comparison import OUTCOME, naturally
 from ..analysis.tables import Table
 from ..core.errors import InputError
-from .run_figures import DASHES, PATHS, PROBES
+from .canvas import PATHS
+from .run_figures import DASHES, PROBES
 
 TOWARD = {"x": "backward", "y": "to the right", "z": "upward"}
 COLUMNS = 3

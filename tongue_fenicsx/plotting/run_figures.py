@@ -17,7 +17,7 @@ from matplotlib.ticker import NullFormatter
 from ..analysis.electropalatogram import ELECTRODES
 from ..analysis.tongue_grid import cut, grids, mid_plane, outline, section
 from ..analysis.trajectories import SLOW, motion
-from .canvas import BACKWARD, BONE, COLOURS, curves, save_both, title_of
+from .canvas import BACKWARD, BONE, COLOURS, PATHS, curves, save_both, title_of
 from .scene import stage
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 NEAR = "magma"
 FRAMES = 24
 """How many electropalatograms are drawn at most."""
-PATHS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Of lines, which eyes that confuse red and green tell apart too (Okabe and Ito 2008)."""
 DASHES = ("-", "--", ":")
 """Of more lines than there are colours."""
 PROBES = ("tip", "dorsum", "root")

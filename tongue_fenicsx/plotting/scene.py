@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import cycle
 
 import numpy as np
 import pyvista as pv
+from matplotlib.artist import Artist
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
@@ -21,7 +22,7 @@ from ..geometry.surface import Surface
 from ..runs.run import Run
 from ..simulation import fields  # noqa: F401  registers units and labels
 from ..simulation.quantities import FIELDS
-from .canvas import BACKWARD, BONE, COLOURS, curves, open_plotter, title_of
+from .canvas import BACKWARD, BONE, COLOURS, PATHS, curves, open_plotter, title_of
 
 INCHES, DPI = (8.0, 4.5), 160
 """Of a picture of 1280 × 720 pixels."""
@@ -39,6 +40,10 @@ APART = 0.6
 IN_UNITS = {"1": (1.0, ""), "m": (1e3, "mm"), "m/s": (1e2, "cm/s"), "Pa": (1e-3, "kPa")}
 """Unit of a field to factor and unit in pictures."""
 
+Places = Mapping[str, tuple[Floats, Floats]]
+"""Points by name: times in s and places in m."""
+TRAIL = 0.15
+"""In s: the way of a point so long ago is drawn."""
 Show = Callable[[float], None]
 """Puts a picture to a time in s."""
 
@@ -146,13 +151,14 @@ class Scene:
         plotter.enable_anti_aliasing("msaa")
 
     @contextmanager
-    def in_section(self, figure: Figure) -> Iterator[Show]:
-        """The mid-sagittal section among the obstacles, the rest shape dashed."""
+    def in_section(self, figure: Figure, beside: Places) -> Iterator[Show]:
+        """The mid-sagittal section among the obstacles, the rest shape dashed; places that lie beside it are rings, with a line to the
+        probe of the same name, a dot, and their way in the last `TRAIL`."""
         axes = figure.add_axes((0.08, 0.12, 0.77, 0.79))
         axes.add_collection(curves(outline(self.rest), colors="0.5", linewidths=1.0, linestyles="--"))
         (x, _, z), (x_end, _, z_end) = self.low, self.high
         axes.set(aspect="equal", xlim=(x - 12, x_end + 12), ylim=(z - 6, z_end + 12), xlabel=BACKWARD, ylabel="z in mm")
-        drawn: list[LineCollection] = []
+        drawn: list[Artist] = []
 
         def show(t: float) -> None:
             for artist in drawn:
@@ -165,12 +171,23 @@ class Scene:
             lines = [curves(outline(grid), colors="0.2", linewidths=1.2)]
             lines += [curves(cut(bone, mid_plane(self.rest)), colors=BONE, linewidths=1.6) for bone in obstacles_at(self.run, t).values()]
             drawn[:] = [colours, *map(axes.add_collection, lines)]
+            for colour, (name, (times, way)) in zip(cycle(PATHS), beside.items(), strict=False):
+                behind = np.append(times[(times > t - TRAIL) & (times < t)], t)
+                x, _, z = (1e3 * np.interp(behind, times, along) for along in way.T)
+                drawn.extend(axes.plot(x, z, color=colour, linewidth=1))
+                if name in self.run.probes:
+                    u = [np.interp(t, self.run.time, along) for along in self.run.probes[name].T]
+                    mine = 1e3 * (self.run.rest[name] + u)
+                    drawn.extend(axes.plot([mine[0], x[-1]], [mine[2], z[-1]], color=colour, linewidth=2))
+                    drawn.extend(axes.plot(mine[0], mine[2], "o", color=colour, markersize=5))
+                drawn.extend(axes.plot(x[-1], z[-1], "o", color=colour, markersize=9, markerfacecolor="none", markeredgewidth=1.6))
+                drawn.append(axes.annotate(name, (x[-1], z[-1]), xytext=(7, 7), textcoords="offset points", color=colour, fontsize=9))
 
         yield show
 
 
 @contextmanager
-def stage(run: Run, field: str, times: Floats, view: str | None) -> Iterator[tuple[Figure, Show]]:
+def stage(run: Run, field: str, times: Floats, view: str | None, beside: Places | None = None) -> Iterator[tuple[Figure, Show]]:
     """A picture of a run with title, clock and colours, and what puts it to a time in s.
 
     Parameters
@@ -183,6 +200,8 @@ def stage(run: Run, field: str, times: Floats, view: str | None) -> Iterator[tup
         Times in s for which colours and room are enough.
     view : str or None
         One of `VIEWS`; None is the mid-sagittal section.
+    beside : mapping, optional
+        In the section: name to times (n,) in s and places (n, 3) in m of points that are drawn beside the tongue.
     """
     rest = grids(run, 0)[0]
     places = np.concatenate([rest.points, *(rest.points + 1e3 * field_at(run, "displacement", t) for t in times)])
@@ -197,7 +216,7 @@ def stage(run: Run, field: str, times: Floats, view: str | None) -> Iterator[tup
     bar.ax.tick_params(labelsize=8)
     figure.text(0.02, 0.945, title_of(run), fontsize=11)
     clock = figure.text(0.885, 0.945, "", fontsize=11)
-    with scene.in_space(figure, view) if view else scene.in_section(figure) as show:
+    with scene.in_space(figure, view) if view else scene.in_section(figure, beside or {}) as show:
 
         def show_all(t: float) -> None:
             show(t)

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from ..analysis.airway import WALLS, wall_of
 from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
 from ..analysis.tongue_grid import cut
+from ..analysis.trajectories import write_places
 from ..core.errors import InputError
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
@@ -33,8 +34,9 @@ from .goals import Constriction, Contour, Cover, Goal, Touch, Within, outline_of
 from .openness import Openness, by_reduced, by_runs, nearby, openness
 from .pool import Workers, perform, results
 
-BEST, PROGRESS, OPEN, SHEET = "best.toml", "fit.csv", "open.csv", "fit.png"
-"""The scenario with the activations found so far, how the search went, what the data leave open, and a picture of all."""
+BEST, PROGRESS, OPEN, SHEET, PATHS = "best.toml", "fit.csv", "open.csv", "fit.png", "paths.csv"
+"""The scenario with the activations found so far, how the search went, what the data leave open, a picture of all, and where points
+should be."""
 RUN, NEARBY = "run", "nearby"
 """Folders of the run of the best, and of those beside it."""
 REACH_FOR = 18.0
@@ -188,6 +190,7 @@ def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openn
             low, high = (np.append(0.0, np.broadcast_to(bound, len(at) - 1)) for bound in known.interval(name))
             levels[name] = at, low, high
         paths = {name: (path.times, np.asarray(path.displacement)) for name, path in task.paths.items()}
+        write_places({name: (times, run.rest[name] + u) for name, (times, u) in paths.items()}, output / PATHS)
         draw_fit(run, found.knots, levels, paths, found.distance, output / SHEET)
         return known
 

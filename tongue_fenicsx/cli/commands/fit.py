@@ -72,6 +72,8 @@ def fit(
         for line in _words(known):
             console.print(line)
         console.print(f"wrote {output / fit_run.OPEN} and {output / fit_run.SHEET}")
+        run, paths, film = output / fit_run.RUN, output / fit_run.PATHS, output / "fit.mp4"
+        console.print(f"the points in motion: tongue movie {run} --section midsagittal --beside {paths} -o {film}")
 
 
 def _words(known: Openness) -> Iterator[str]:

@@ -18,6 +18,12 @@ def movie(
     quantity: Annotated[str, typer.Option("--quantity", help="Stored field, hencky or J.")] = "displacement",
     view: Annotated[str | None, typer.Option("--view", help="side, front, top or oblique (default).")] = None,
     section: Annotated[str | None, typer.Option("--section", help="midsagittal: the section instead of a view in 3D.")] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option(
+            "--beside", metavar="TABLE.csv", help="With --section: points of a trajectories.csv, or of a fit's paths.csv, beside it."
+        ),
+    ] = None,
     start: Annotated[float | None, typer.Option("--from", metavar="S", help="First time of the run in s.")] = None,
     end: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time of the run in s.")] = None,
     seconds: Annotated[float, typer.Option("--seconds", min=0.1, max=600, help="How long the movie takes.")] = 4.0,
@@ -28,10 +34,13 @@ def movie(
         raise InputError(f"--section: {section!r} is not midsagittal, the only one.")
     if section and view not in (None, "side"):
         raise InputError(f"--view {view}: a section is seen from the side; leave out --view or --section.")
+    if beside and not section:
+        raise InputError("--beside: points are drawn in the section; --section midsagittal is expected with it.")
     check_outputs(output.parent, [output.name])
 
     from rich.progress import Progress
 
+    from ...analysis.trajectories import read_places
     from ...plotting.movie import draw_movie
     from ...runs.run import Run
 
@@ -46,6 +55,7 @@ def movie(
             end=end,
             seconds=seconds,
             fps=fps,
+            beside=read_places(beside) if beside else None,
             report=lambda frame, frames: bar.update(task, completed=frame, total=frames),
         )
     console.print(f"wrote {output} ({output.stat().st_size / 1e6:.1f} MB)")
