@@ -83,9 +83,11 @@ def test_many_at_once() -> None:
     tongue = ReducedTongue.shipped()
     time, random = np.array([0.0, 0.02, 0.033, 0.1]), np.random.default_rng(0)
     levels = random.uniform(0, 0.6, (4, 3, len(tongue.muscles))) * np.array([0, 1, 1, 1])[:, None, None]
-    together = tongue.sequences(time, levels)
+    together = tongue.sequences(time, tongue.inputs(dict(zip(tongue.muscles, np.moveaxis(levels, -1, 0), strict=True))))
     for run in range(3):
-        np.testing.assert_allclose(together[:, run], tongue.sequence(time, levels[:, run])[0], atol=1e-12)
+        np.testing.assert_allclose(
+            together[:, run], tongue.sequence(time, tongue.inputs(dict(zip(tongue.muscles, levels[:, run].T, strict=True))))[0], atol=1e-12
+        )
     nodes = np.array([17, 4000, 3, 250])
     np.testing.assert_allclose(tongue.displacement(together, nodes), tongue.displacement(together)[..., nodes, :], atol=1e-15)
 
@@ -117,8 +119,13 @@ def test_sides_apart() -> None:
         assert not together.step({"GGP": at.get("GGP", 0.4), "SL": 0.3}, 0.02)[-1]
     assert abs(q[-1]) > 1e-3
     assert one.doubt == pytest.approx(image.doubt)
-    time, course = np.array([0.0, 0.02, 0.04, 0.06]), np.array([[0, 0], [0.4, 0.3], [0.4, 0.3], [0.5, 0.3]])
-    np.testing.assert_allclose(one.sequences(time, course[:, None])[-1, 0], together.coordinates, atol=1e-12)
+    time, runs = np.array([0.0, 0.02, 0.04, 0.06]), {}
+    for name in ("GGP_L", "GGP_R", "SL"):
+        course = [at.get(name, at.get(name[:-2], 0.0)) for at in levels]
+        runs[name] = np.transpose([[0.0, *course], np.full(4, 0.3)])  # and another run at once
+    np.testing.assert_allclose(one.sequences(time, one.inputs(runs))[-1, 0], q, atol=1e-12)
+    even = one.inputs({"GGP": runs["GGP_L"], "SL": runs["SL"]})
+    assert not one.sequences(time, even)[..., -1].any()
     with pytest.raises(InputError, match=r"SL_L: .*it has GGP, SL, and with _L or _R GGP"):
         one.step({"SL_L": 0.5}, 0.01)
 

@@ -209,13 +209,18 @@ class ReducedTongue:
 
     def _step(self, target: Floats, dt: float) -> Floats:
         answers = self._follow(self._memory, np.stack([target, target * self._mirror]) if self.sides else target[None], dt)
-        there, mirrored = answers[:, 0], answers[:, -1].copy()  # without sides the same
-        mirrored[:, len(self.modes) - self.odd :] *= -1
-        answers = (there + mirrored) / 2
+        answers = self._as_one(answers[:, 0], answers[:, -1])  # without sides the same
         self.time += dt
         self.coordinates = answers.mean(axis=0)
         self.doubt = self.told.get("doubt", 1.0) * float(np.sqrt(((answers - self.coordinates) ** 2).sum(axis=1).mean()))
         return self.coordinates
+
+    def _as_one(self, there: Floats, image: Floats) -> Floats:
+        """Coordinates (…, n_modes) from those of a run and of its mirror image."""
+        odd = slice(len(self.modes) - self.odd, None)
+        q = (there + image) / 2
+        q[..., odd] = (there[..., odd] - image[..., odd]) / 2
+        return np.asarray(q)
 
     def weights_for(self, muscles: Sequence[str], sides: Sequence[str], modes: Floats) -> dict[str, Floats]:
         """Its weights for other shapes (n_modes, n_nodes, 3) and other inputs; those that it does not have do nothing."""
@@ -265,11 +270,11 @@ class ReducedTongue:
             coordinates[i], doubt[i] = self._step(inputs[i], time[i] - time[i - 1]), self.doubt
         return coordinates, doubt
 
-    def sequences(self, time: Floats, levels: Floats) -> Floats:
-        """Coordinates (n_t, n_runs, n_modes) in mm of many runs at once, for levels (n_t, n_runs, n_muscles) of both sides."""
-        memory = self._at_rest(levels.shape[1])
-        inputs = self.inputs({name: levels[..., i] for i, name in enumerate(self.muscles)})
-        answers = [self._follow(memory, inputs[i], time[i] - time[i - 1]).mean(axis=0) for i in range(1, len(time))]
+    def sequences(self, time: Floats, inputs: Floats) -> Floats:
+        """Coordinates (n_t, n_runs, n_modes) in mm of many runs at once, for `inputs` (n_t, n_runs, n_inputs)."""
+        n_runs, apart = inputs.shape[1], bool(inputs[..., len(self.muscles) :].any())
+        seen = np.concatenate([inputs, inputs * self._mirror], axis=1) if apart else inputs
+        memory = self._at_rest(seen.shape[1])
+        answers = [self._follow(memory, seen[i], time[i] - time[i - 1]).mean(axis=0) for i in range(1, len(time))]
         q = np.stack([np.zeros_like(answers[0]), *answers])
-        q[..., len(self.modes) - self.odd :] = 0.0
-        return q
+        return self._as_one(q[:, :n_runs], q[:, -n_runs:])

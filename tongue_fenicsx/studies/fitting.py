@@ -266,12 +266,10 @@ class Surrogate:
     def displacement(self, tried: Sequence[Floats]) -> Floats:
         """Displacement (n_tried, n_times, n_probes, 3) in m with several levels (n_muscles, n_knots)."""
         tongue, search = self.tongue, self.search
-        course = np.zeros((len(self.times), len(tried), len(tongue.muscles)))
-        for run, levels in enumerate(tried):
-            for name, level in zip(search.muscles, levels, strict=True):
-                if name in tongue.muscles:
-                    course[:, run, tongue.muscles.index(name)] = np.interp(self.times, search.knots, level)
-        return tongue.displacement(tongue.sequences(self.times, course), self._apart.argmin(axis=1)).swapaxes(0, 1)
+        courses: dict[str, Floats] = dict.fromkeys(tongue.muscles, np.zeros((len(self.times), len(tried))))
+        for name, levels in zip(search.muscles, np.swapaxes(tried, 0, 1), strict=True):
+            courses[name] = np.transpose([np.interp(self.times, search.knots, level) for level in levels])
+        return tongue.displacement(tongue.sequences(self.times, tongue.inputs(courses)), self._apart.argmin(axis=1)).swapaxes(0, 1)
 
     def slopes(self, x: Floats) -> Floats:
         """Derivatives (n, n_times, n_probes, 3) of the displacement by the numbers (n,)."""
