@@ -140,6 +140,66 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert (output / "fit.png").stat().st_size > 2e4
 
 
+OPENED = """
+muscles = ["GGP", "MH"]
+begin = "live"
+hold = true
+knots = 0.05
+rounds = 5
+iterations = 0
+effort = 1e-4
+haste = 0.0
+noise = 0.1
+[opening]
+centre = [75.0, 0.0, 45.0]
+rise = 0.05
+[base]
+mesh = {{ file = "{mesh}" }}
+tissue = {{ preset = "buchaillard" }}
+time = {{ end = 0.08, step = 0.01 }}
+output = {{ every = 0.08 }}
+[target.tip]
+table = "tip.csv"
+[target.dorsum]
+table = "dorsum.csv"
+[target.root]
+table = "root.csv"
+"""
+
+
+@pytest.mark.slow
+def test_an_opening_is_found(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """How far the jaw opened, with the levels; the same command goes on from there, and what is kept is a scenario whose jaw opens."""
+    tongue = tf.TongueMesh.read(tongue_file)
+    jaw = tf.RigidMotion(angle=[(0.05, 0.0, 5.0)], centre=(0.075, 0.0, 0.045), axis=(0.0, -1.0, 0.0))
+    resting = tf.Model(tongue, tissue=tf.Tissue.buchaillard())
+    model = replace(resting, fixed=[name for name in resting.fixed if name != "mandible"], moving={"mandible": jaw})
+    run = tf.Simulation(model, stepping=tf.Stepping(0.01, output_every=0.08)).run({"GGP": tf.ramp(0.05, 0.03, 0.3)}, 0.08)
+    for name in ("tip", "dorsum", "root"):
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([run.time, 1e3 * run.probes[name]]), delimiter=",")
+    file, output = tmp_path / "fit.toml", tmp_path / "fit"
+    file.write_text(OPENED.format(mesh=tongue_file))
+    code, said = command(capsys, "fit", file, "-o", output)
+    assert code == 0, said
+    assert "the jaw opens by 0.0°" in said.splitlines()[0]
+    best = load(output / "best.toml")
+    assert best.boundary.moving["mandible"].angle[-1][2] == pytest.approx(5.0, abs=0.3)
+    assert activation_of(best)["GGP"](0.08) == pytest.approx(0.3, abs=0.03)
+    np.testing.assert_allclose(tf.Run(output / "run").probes["tip"][-1], run.probes["tip"][-1], atol=2e-4)
+    file.write_text(OPENED.format(mesh=tongue_file).replace("rounds = 5", "rounds = 1"))
+    code, said = command(capsys, "fit", file, "-o", output)
+    assert code == 0, said
+    assert float(re.findall(r"opens by (\S+)°", said)[0]) == pytest.approx(5.0, abs=0.3)
+    good = file.read_text()
+    for old, new, message in (
+        ("iterations = 0", "iterations = 2", 'opening: an angle is found with begin = "live" and iterations = 0 only'),
+        ("[opening]", "[base.boundary.moving.mandible]\nangle = [[0.1, 0.0, 3.0]]\n[opening]", "opening: the mandible moves already"),
+    ):
+        file.write_text(good.replace(old, new, 1))
+        with pytest.raises(tf.InputError, match=message):
+            fit_file.read(file)
+
+
 def circle(n: int = 60) -> goals.Outline:
     """Of 10 mm about the origin."""
     angle = 2 * np.pi * np.arange(n) / n

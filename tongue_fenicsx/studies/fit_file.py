@@ -20,7 +20,7 @@ from ..geometry.surface import read_surface
 from ..scenario.files import read_toml, scenario_of
 from ..scenario.schema import Scenario, Section
 from .articulography import ALIGNMENTS, Recording
-from .fitting import Search
+from .fitting import Opening, Search
 from .goals import Goal, Track
 from .sweep_file import base_of
 
@@ -99,6 +99,15 @@ class JawSection(Section):
     centre: Annotated[Sequence[float], Vector()]
 
 
+class OpeningSection(Section):
+    """By how many degrees the jaw may open at most, about the transverse axis through `centre` (mm), in `rise` seconds; it then stays so.
+    The angle is found with the levels."""
+
+    centre: Annotated[Sequence[float], Vector()]
+    rise: Seconds = 0.1
+    most: Positive = 12.0
+
+
 class RecordingSection(Section):
     """Sensors on a speaker: the table, where its axes point, when in it the tongue is at rest, when the movement begins, and how long
     before that the run begins, at rest; times in s."""
@@ -144,6 +153,7 @@ class FitFile(Section):
     surface: Mapping[Name, SurfaceSection] = {}
     touch: Mapping[Name, TouchSection] = {}
     recording: RecordingSection | None = None
+    opening: OpeningSection | None = None
 
     @property
     def aims(self) -> list[str]:
@@ -163,10 +173,10 @@ class Task:
     surfaces: Mapping[str, Floats]
     recording: Recording | None = None
 
-    def search(self, goals: Mapping[str, Goal]) -> Search:
+    def search(self, goals: Mapping[str, Goal], opening: Opening | None = None) -> Search:
         """What is sought, with these goals."""
         terms = {name: getattr(self.file, name) for name in ("hold", "since", "most", "effort", "haste")}
-        return Search(goals, self.file.muscles, self.knots, **terms)
+        return Search(goals, self.file.muscles, self.knots, **terms, opening=opening)
 
     @property
     def knots(self) -> Floats:
@@ -200,6 +210,13 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         with within(table):
             paths[name] = Track(rows[:, 0], UNITS[section.unit] * rows[:, 1:], name)
     scenario = scenario_of(*base_of(file.base, path, changes), f"{path}: base")
+    if file.opening is not None and (file.begin != "live" or file.iterations > 0):
+        raise InputError(f'{path}: opening: an angle is found with begin = "live" and iterations = 0 only.')
+    if (file.opening or (file.recording and file.recording.jaw)) and JAW in scenario.boundary.moving:
+        key = "opening" if file.opening else "recording.jaw"
+        raise InputError(f"{path}: {key}: the {JAW} moves already, in boundary.moving; one of both is expected.")
+    if file.opening and file.recording and file.recording.jaw:
+        raise InputError(f"{path}: opening: the {JAW} moves already, as recording.jaw says; one of both is expected.")
     recording = None
     if (told := file.recording) is not None:
         columns = {name: sensor.columns for name, sensor in told.sensor.items()} | ({TOOTH: told.jaw.columns} if told.jaw else {})
@@ -207,8 +224,6 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         recording = Recording.read(table, told.time, columns, frame, told.rest, told.begin, told.lead)
         if told.lead >= scenario.time.end:
             raise InputError(f"{path}: recording.lead: {told.lead:g} s; less than time.end, {scenario.time.end:g} s, is expected.")
-        if told.jaw and JAW in scenario.boundary.moving:
-            raise InputError(f"{path}: recording.jaw: the {JAW} moves already, in boundary.moving; one of both is expected.")
     for name, drawn in file.contour.items():
         contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(path.parent / drawn.table, 2, "two columns, backward and up,")
     surfaces = {

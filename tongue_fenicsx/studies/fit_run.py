@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -29,7 +30,7 @@ from ..simulation.simulation import Simulation
 from . import fitting
 from .articulography import behind_tip, lay
 from .fit_file import JAW, TOOTH, Task
-from .fitting import Fit, Surrogate
+from .fitting import Fit, Opening, Surrogate
 from .goals import Constriction, Contour, Cover, Goal, Touch, Within, outline_of, skin_of
 from .openness import Openness, by_reduced, by_runs, nearby, openness
 from .pool import Workers, perform, results
@@ -56,6 +57,10 @@ def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
         If a sensor has no place on the tongue.
     """
     told, recording = task.file.recording, task.recording
+    if (opening := task.file.opening) is not None:
+        data = task.scenario.model_dump(exclude_none=True)
+        _turn_jaw(data, [(opening.rise, 0.0, 0.0)], opening.centre)
+        task = replace(task, scenario=Scenario.model_validate(data))
     if told is None or recording is None:
         return task
     output.mkdir(parents=True, exist_ok=True)
@@ -75,17 +80,19 @@ def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
     data = task.scenario.model_dump(exclude_none=True)
     data["probes"] = {name: list(point) for name, point in (simulation.probes.rest | glued).items()}
     if told.jaw:
-        centre = MM * np.array(told.jaw.centre)
-        pieces = recording.jaw(TOOTH, laid, centre)
-        data["boundary"]["fixed"] = [name for name in data["boundary"]["fixed"] if name != JAW]
-        data["boundary"]["moving"] = data["boundary"].get("moving", {}) | {
-            JAW: {"angle": pieces, "centre": list(centre), "axis": [0.0, -1.0, 0.0]}
-        }
-        for name in JAWS & data["contact"].keys():
-            data["contact"][name]["moves_with"] = JAW
+        _turn_jaw(data, recording.jaw(TOOTH, laid, MM * np.array(told.jaw.centre)), told.jaw.centre)
     paths = recording.tracks(glued, laid, told.lateral)
     file = task.file.model_copy(update={"since": max(task.file.since, told.lead)})
     return replace(task, file=file, scenario=Scenario.model_validate(data), paths={**task.paths, **paths})
+
+
+def _turn_jaw(data: dict[str, Any], pieces: Sequence[tuple[float, float, float]], centre: Sequence[float]) -> None:
+    """Let the jaw of a scenario turn about the transverse axis through `centre` (mm), and the obstacles with it that are part of it."""
+    data["boundary"]["fixed"] = [name for name in data["boundary"]["fixed"] if name != JAW]
+    motion = {"angle": list(pieces), "centre": [MM * x for x in centre], "axis": [0.0, -1.0, 0.0]}
+    data["boundary"]["moving"] = data["boundary"].get("moving", {}) | {JAW: motion}
+    for name in JAWS & data["contact"].keys():
+        data["contact"][name]["moves_with"] = JAW
 
 
 def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
@@ -136,15 +143,18 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     output.mkdir(parents=True, exist_ok=True)
     scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
     goals = goals_of(task, plain := simulation_of(scenario, output))
-    simulation, search = fitting.following(plain, goals), task.search(goals)
+    told, turning = file.opening, plain.model.moving.get(JAW)
+    opening = Opening(JAW, turning, told.rise, told.most) if told and turning else None
+    simulation, search = fitting.following(plain, goals), task.search(goals, opening)
     given = {name: course for name, course in activation_of(scenario).items() if name not in file.muscles}
     best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
+    angle = best.boundary.moving[JAW].angle[-1][2] if opening and best and JAW in best.boundary.moving else 0.0
     start = {} if best is None else {n: np.array([c(t) for t in task.knots]) for n, c in activation_of(best).items() if n in file.muscles}
 
     def keep(found: Fit) -> None:
         if rank == 0:
             with at_once(output / BEST) as path:
-                path.write_text(dump(_with(scenario, found)), encoding="utf-8")
+                path.write_text(dump(_with(scenario, found, opening)), encoding="utf-8")
             new = not (output / PROGRESS).exists()
             with open(output / PROGRESS, "a", newline="", encoding="utf-8") as table:
                 writer = csv.writer(table)
@@ -155,12 +165,16 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
 
     if file.begin == "live":
         surrogate = Surrogate(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
-        found = fitting.correct(simulation, surrogate, start or fitting.guess(surrogate), given=given, rounds=file.rounds, report=keep)
+        found = fitting.correct(
+            simulation, surrogate, start or fitting.guess(surrogate), given=given, angle=angle, rounds=file.rounds, report=keep
+        )
         start = found.levels
     if file.begin != "live" or file.iterations > 0:
         found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
-    last = _with(scenario, found)
+    last = _with(scenario, found, opening)
     inputs = inputs_of(last, simulation.model.tongue)
+    if opening:
+        opening.move(plain, found.angle)
     plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
     return found
 
@@ -208,9 +222,11 @@ def farthest(task: Task, output: Path) -> dict[str, tuple[float, float]]:
     return most
 
 
-def _with(scenario: Scenario, found: Fit) -> Scenario:
-    """A scenario with the activations that were found."""
+def _with(scenario: Scenario, found: Fit, opening: Opening | None = None) -> Scenario:
+    """A scenario with the activations that were found, and the opening."""
     data = scenario.model_dump(exclude_none=True)
     for name, course in found.activation.items():
         data["activation"][name] = {"pieces": course.description(found.knots[-1])}
+    if opening is not None:
+        data["boundary"]["moving"][JAW]["angle"] = opening.motion_by(found.angle).angle
     return Scenario.model_validate(data)

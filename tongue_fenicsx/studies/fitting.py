@@ -13,9 +13,11 @@ from scipy.optimize import minimize
 
 from ..core.errors import InputError, SolveError
 from ..core.types import Floats
+from ..geometry.rigid_motion import RigidMotion
 from ..mechanics.activation import Activation, Course
 from ..mechanics.control import OpenLoop
 from ..reduced.tongue import ReducedTongue
+from ..runs.run import Run
 from ..simulation.simulation import Simulation, resolve_sides
 from .goals import Goal, Goals, Track, Within
 
@@ -24,8 +26,45 @@ GUESS_STEP, NUDGE = 0.025, 1e-5
 GUESSES, INNER, SHARES, ENOUGH, LEAST = 20, 200, (1.0, 0.5, 0.25, 0.1), 1e-3, 0.03
 """Of Gauss–Newton: iterations at most, those of the problem that is linear in displacements, shares of a step that are tried with the
 reduced tongue, the share of the value below which less is no gain, and the least share of a step that is tried with the full one."""
+OPENED = 0.05
+"""The share of the greatest angle by which an opening is moved to see what that does."""
 NEAR = 2e-3
 """In m: how far a probe may be from a node of the reduced tongue."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A bone that is opened by an angle which is found with the levels: reached in `rise` seconds, then held.
+
+    Attributes
+    ----------
+    bone : str
+        That moves in the model, and with it the obstacles that move as it does.
+    motion : RigidMotion
+        About the axis of this one, by other angles.
+    rise : float
+        In s.
+    most : float
+        Greatest angle in degrees; the least is 0.
+    """
+
+    bone: str
+    motion: RigidMotion
+    rise: float
+    most: float
+
+    def motion_by(self, angle: float) -> RigidMotion:
+        """Of an angle in degrees."""
+        return replace(self.motion, angle=[(self.rise, 0.0, float(angle))])
+
+    def move(self, simulation: Simulation, angle: float) -> None:
+        """Let a simulation open by an angle in degrees."""
+        model, motion = simulation.model, self.motion_by(angle)
+        before = model.moving[self.bone]
+        contacts = {
+            name: replace(contact, motion=motion) if contact.motion == before else contact for name, contact in model.contacts.items()
+        }
+        simulation.model = replace(model, moving={**model.moving, self.bone: motion}, contacts=contacts)
 
 
 @dataclass(frozen=True)
@@ -48,6 +87,8 @@ class Fit:
         Why the search ended.
     hold : bool
         Whether each muscle has one level, from the second knot on.
+    angle : float
+        In degrees, of an `Opening`.
     """
 
     knots: Floats
@@ -57,6 +98,7 @@ class Fit:
     evaluations: int
     reason: str = ""
     hold: bool = False
+    angle: float = 0.0
 
     @property
     def activation(self) -> dict[str, Course]:
@@ -90,6 +132,8 @@ class Search:
         Greatest level.
     effort, haste : float
         Weights in mm².
+    opening : Opening, optional
+        Its angle, as a share of the greatest, is the last of the numbers.
 
     Raises
     ------
@@ -105,6 +149,7 @@ class Search:
     most: float = 1.0
     effort: float = 1e-2
     haste: float = 1e-2
+    opening: Opening | None = None
 
     def __post_init__(self) -> None:
         knots = np.asarray(self.knots, dtype=float)
@@ -121,8 +166,8 @@ class Search:
 
     @property
     def size(self) -> int:
-        """Of how many numbers the levels are made."""
-        return len(self.muscles) * (1 if self.hold else len(self.knots) - 1)
+        """How many numbers are sought: of the levels, and of an opening."""
+        return len(self.muscles) * (1 if self.hold else len(self.knots) - 1) + (self.opening is not None)
 
     def goals(self) -> Goals:
         """The goals, of a run that is to begin."""
@@ -130,16 +175,19 @@ class Search:
 
     def levels(self, x: Floats) -> Floats:
         """Levels (n_muscles, n_knots) from numbers."""
+        x = x if self.opening is None else x[:-1]
         free = np.repeat(x[:, None], len(self.knots) - 1, axis=1) if self.hold else x.reshape(len(self.muscles), -1)
         return np.column_stack([np.zeros(len(self.muscles)), free])
 
-    def numbers(self, levels: Floats) -> Floats:
-        """The other way round."""
-        return np.asarray(levels[:, -1] if self.hold else levels[:, 1:].ravel())
+    def angle(self, x: Floats) -> float:
+        """The opening in degrees from numbers."""
+        return 0.0 if self.opening is None else float(self.opening.most * x[-1])
 
-    def begin(self, start: Mapping[str, Floats]) -> Floats:
-        """Numbers of levels (n_knots,) of muscles to begin with; others begin at 0.1."""
-        return self.numbers(np.array([start.get(name, np.full(len(self.knots), 0.1)) for name in self.muscles]))
+    def begin(self, start: Mapping[str, Floats], angle: float = 0.0) -> Floats:
+        """Numbers of levels (n_knots,) of muscles and an angle in degrees to begin with; other muscles begin at 0.1."""
+        levels = np.array([start.get(name, np.full(len(self.knots), 0.1)) for name in self.muscles])
+        x = levels[:, -1] if self.hold else levels[:, 1:].ravel()
+        return np.asarray(x if self.opening is None else np.append(x, angle / self.opening.most))
 
     def check(self, probes: Mapping[str, Floats]) -> None:
         """Refuse probes without one of the goals', with an `InputError`."""
@@ -149,7 +197,8 @@ class Search:
 
     def numbers_from(self, by_levels: Floats) -> Floats:
         """Derivatives by the numbers from those by the levels."""
-        return np.asarray(by_levels[:, 1:].sum(axis=1) if self.hold else by_levels[:, 1:].ravel())
+        by = by_levels[:, 1:].sum(axis=1) if self.hold else by_levels[:, 1:].ravel()
+        return np.asarray(by if self.opening is None else np.append(by, 0.0))
 
     def cost(self, levels: Floats) -> tuple[float, Floats]:
         """Of effort and haste, and its derivatives by the levels."""
@@ -162,8 +211,11 @@ class Search:
 
     def least(self, function: Callable[[Floats], Any], begin: Floats, iterations: int) -> Any:
         """The search itself, with a function's value and its derivatives."""
-        bounds = [(0.0, self.most)] * len(begin)
-        return minimize(function, begin.clip(0, self.most), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
+        most = np.full(len(begin), self.most)
+        if self.opening is not None:
+            most[-1] = 1.0
+        bounds = [(0.0, end) for end in most]
+        return minimize(function, begin.clip(0, most), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
 
 
 def fit(
@@ -195,10 +247,12 @@ def fit(
     Raises
     ------
     InputError
-        If a goal needs a probe that is not followed, or a muscle is not in the mesh.
+        If a goal needs a probe that is not followed, a muscle is not in the mesh, or an opening is sought, which has no gradient.
     SolveError
         If a run fails.
     """
+    if search.opening is not None:
+        raise InputError('fit: an opening is found with begin = "live" and iterations = 0 only.')
     given, muscles = dict(given or {}), search.muscles
     search.check(simulation.probes.rest)
     resting = courses(search.knots, {name: np.zeros(len(search.knots)) for name in muscles})
@@ -288,9 +342,12 @@ class Surrogate:
                 by_u[i, p] = pull.get(name, 0.0)
         return total, self.search.numbers_from(by_levels), by_u
 
-    def step(self, x: Floats, u: Floats) -> Floats:
-        """Numbers that would be best if displacements went on from `u` at `x` as the reduced tongue's do (Gauss–Newton)."""
+    def step(self, x: Floats, u: Floats, by_opening: Floats | None = None) -> Floats:
+        """Numbers that would be best if displacements went on from `u` at `x` as the reduced tongue's do, and as `by_opening` says of the
+        last number (Gauss–Newton)."""
         slopes = self.slopes(x)
+        if by_opening is not None:
+            slopes[-1] = by_opening
 
         def value(y: Floats) -> tuple[float, Floats]:
             total, by, by_u = self.value(y, u + np.tensordot(y - x, slopes, axes=1))
@@ -310,6 +367,8 @@ def guess(surrogate: Surrogate, tries: int = 3, seed: int = 0) -> dict[str, Floa
     found = []
     for _ in range(tries):
         x = random.uniform(0, search.most / 2, search.size) * (random.random(search.size) < 0.5)
+        if search.opening is not None:
+            x[-1] = 0.0  # of which the reduced tongue does not know
         value, u = at(x)
         for _ in range(GUESSES):
             way = surrogate.step(x, u) - x
@@ -328,11 +387,12 @@ def correct(
     start: Mapping[str, Floats],
     *,
     given: Mapping[str, Course] | None = None,
+    angle: float = 0.0,
     rounds: int = 6,
     report: Callable[[Fit], object] | None = None,
 ) -> Fit:
     """Gauss–Newton with what the full tongue does and how the reduced one says that it would change: a run a round, without a gradient.
-    Where that is worse, or fails, a third of the step is tried.
+    Where that is worse, or fails, a third of the step is tried. What an opening would change a second run says.
 
     Parameters
     ----------
@@ -344,6 +404,8 @@ def correct(
         As of `fit`.
     given : mapping, optional
         Activations of other muscles, which stay.
+    angle : float
+        In degrees, of an opening to begin with.
     rounds : int
         At most.
     report : callable, optional
@@ -356,15 +418,26 @@ def correct(
     SolveError
         If the first run fails.
     """
-    search, times = surrogate.search, surrogate.times
-    levels = search.levels(search.begin(start))
+    search, times, opening = surrogate.search, surrogate.times, surrogate.search.opening
+
+    def follow(x: Floats) -> Run:
+        if opening is not None:
+            opening.move(simulation, search.angle(x))
+        named = dict(zip(search.muscles, search.levels(x), strict=True))
+        return simulation.run(dict(given or {}) | courses(search.knots, named), search.end)
+
+    def displacement(run: Run) -> Floats:  # (n_times, n_probes, 3)
+        along = [[np.interp(times, run.time, u) for u in run.probes[name].T] for name in surrogate.probes]
+        return np.moveaxis(np.array(along), -1, 0)
+
     best: Fit | None = None
-    x = way = np.zeros(search.size)
-    share = 1.0
+    x = tried = search.begin(start, angle)
+    way, share = np.zeros(search.size), 1.0
     for evaluations in range(1, rounds + 1):
-        named, of, value = dict(zip(search.muscles, levels, strict=True)), search.goals(), search.cost(levels)[0]
+        levels, of = search.levels(tried), search.goals()
+        value = search.cost(levels)[0]
         try:
-            run = simulation.run(dict(given or {}) | courses(search.knots, named), search.end)
+            run = follow(tried)
             for i, h in enumerate(np.diff(run.time), 1):
                 value += of(run.time[i], h, {name: u[i] for name, u in run.probes.items()})[0]
         except SolveError:
@@ -373,15 +446,18 @@ def correct(
             value = np.inf
         if best is None or value < best.objective:
             share = 1.0 if best is None else min(2 * share, 1.0)
-            best = Fit(search.knots, named, of.distance, value, evaluations, hold=search.hold)
+            named = dict(zip(search.muscles, levels, strict=True))
+            best = Fit(search.knots, named, of.distance, value, evaluations, hold=search.hold, angle=search.angle(tried))
             if report is not None:
                 report(best)
-            full = np.array([[np.interp(times, run.time, along) for along in run.probes[name].T] for name in surrogate.probes])
-            x = search.numbers(levels)
-            way = surrogate.step(x, np.moveaxis(full, -1, 0)) - x
+            x, u, by_opening = tried, displacement(run), None
+            if opening is not None:
+                nudge = OPENED if x[-1] < 0.5 else -OPENED
+                by_opening = (displacement(follow(np.append(x[:-1], x[-1] + nudge))) - u) / nudge
+            way = surrogate.step(x, u, by_opening) - x
         elif (share := share / 3) < LEAST:
             break
-        levels = search.levels(x + share * way)
+        tried = x + share * way
     assert best is not None
     reason = "the rounds are over" if share >= LEAST else "no step that the reduced tongue knows is better"
     return replace(best, evaluations=evaluations, reason=reason)

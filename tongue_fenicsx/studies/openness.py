@@ -148,8 +148,7 @@ def by_runs(found: Fit, paths: Mapping[str, Track], run: Run, moved: Mapping[str
 
 def by_reduced(found: Fit, paths: Mapping[str, Track], surrogate: Surrogate) -> Floats:
     """The same as a reduced tongue has them, at once; its probes are the points that have paths."""
-    levels = np.array(list(found.levels.values()))
-    moved = surrogate.slopes(surrogate.search.numbers(levels))
+    moved = surrogate.slopes(surrogate.search.begin(found.levels))
     return np.array([_measured(paths, surrogate.times, dict(zip(surrogate.probes, u.swapaxes(0, 1), strict=True))) for u in moved])
 
 

@@ -49,7 +49,8 @@ def fit(
 
     def say(found: Fit) -> None:
         away = ", ".join(f"{name} {d:.2f} mm" for name, d in found.distance.items())
-        console.print(f"run {found.evaluations}: {away} away (root mean square over time)")
+        opened = f"; the jaw opens by {found.angle:.1f}°" if task.file.opening else ""
+        console.print(f"run {found.evaluations}: {away} away (root mean square over time){opened}")
 
     try:
         with within(file):
