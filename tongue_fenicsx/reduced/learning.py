@@ -104,6 +104,7 @@ def learn(
         np.zeros(shape, dtype=bool),
         len(sides),
         odd,
+        modes[:, [int(np.linalg.norm(points - point, axis=1).argmin()) for point in runs[0].rest.values()]].reshape(len(modes), -1),
     )
     for i, (run, displacement) in enumerate(zip(learned, moved, strict=True)):
         n, rows = len(run.time), rows_of_outputs(run)

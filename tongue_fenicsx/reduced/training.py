@@ -18,6 +18,8 @@ WIDTHS = 96, 128, 128
 NETWORKS = 3
 FASTEST, SLOWEST = 4e-3, 0.3
 """Time constants in s that training begins with."""
+LANDMARK = 0.03
+"""What the square of a landmark's error counts, beside the mean square of all nodes."""
 BATCH = 12
 """Runs that an iteration learns from."""
 
@@ -39,6 +41,8 @@ class Sequences:
     apart, odd : int
         How many of the inputs, the last ones, are differences of sides, and how many of the coordinates, the last ones, of odd shapes: both
         change their sign in the mirror.
+    landmarks : (n_modes, n) float array, optional
+        Displacements of landmarks, each of three numbers, in each shape; each landmark counts by `LANDMARK`.
     """
 
     h: Floats
@@ -47,6 +51,7 @@ class Sequences:
     known: Bools
     apart: int = 0
     odd: int = 0
+    landmarks: Floats | None = None
 
 
 def initial(n_inputs: int, n_modes: int, seed: int) -> dict[str, Floats]:
@@ -106,13 +111,17 @@ def train(
         _, memories = jax.lax.scan(go, jnp.zeros_like(along[0]), (along[:-1], along[1:], h.T[:, :, None]))
         return jnp.moveaxis(jnp.concatenate([jnp.zeros_like(along[:1]), memories]), 0, 2)
 
+    landmarks = 0.0 if runs.landmarks is None else LANDMARK * runs.landmarks @ runs.landmarks.T
+    metric = np.asarray(np.eye(runs.coordinates.shape[2]) + landmarks, dtype=np.float32)
+
     def error(weights: Any, h: Any, a: Any, q: Any, known: Any) -> Any:
         wide = {name: value[:, None] for name, value in weights.items()}  # one more axis, of runs
         everything = jnp.broadcast_to(a, (len(weights["V"]), *a.shape))
         for layer in (1, 2):
             seen = features(wide, layer, everything, jnp.tanh)
             everything = jnp.concatenate([everything, remember(jnp.exp(weights[f"log_tau{layer}"]), seen, h)], axis=-1)
-        wrong = ((answer(wide, everything, jnp.tanh) - q) ** 2).sum(axis=-1)
+        away = answer(wide, everything, jnp.tanh) - q
+        wrong = ((away @ metric) * away).sum(axis=-1)
         return (wrong * known).sum() / (known.sum() * len(wrong))
 
     schedule = optax.warmup_cosine_decay_schedule(0.0, 3e-3, max(1, iterations // 50), iterations, 1e-6)
