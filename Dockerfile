@@ -15,7 +15,7 @@ RUN apt-get update \
  && rm -rf /var/lib/apt/lists/* \
  && useradd --create-home tongue && mkdir -p /work/runs && chown tongue /work /work/runs
 COPY --from=build /opt/tongue /opt/tongue
-ENV PATH=/opt/tongue/bin:$PATH OMP_NUM_THREADS=1 XDG_CACHE_HOME=/work/.cache
+ENV PATH=/opt/tongue/bin:$PATH OMP_NUM_THREADS=1 XDG_CACHE_HOME=/work/.cache MPLCONFIGDIR=/work/.cache/matplotlib
 USER tongue
 WORKDIR /work
 COPY --chown=tongue demos ./demos
