@@ -6,6 +6,7 @@
   const by = (id) => document.getElementById(id);
   const floats = (text) => new Float32Array(buffer(text));
   const TICK = 0.05, LENGTH = 1.0; // s between the knots of the timeline, and its length
+  const LEFT = 64; // pixels of the names in the timeline
   const BONE = [0.7, 0.57, 0.42, 0.18];
   const COLOURS = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => `var(--c${i})`);
 
@@ -308,7 +309,7 @@
     return d > 0 && s >= 0 && r >= 0 && s + r <= 1 && now[a + 2] + s * (now[b + 2] - now[a + 2]) + r * (now[c + 2] - now[a + 2]) >= z;
   };
   const drawTimeline = () => {
-    const { context, width, height } = sized(by("timeline")), row = height / channels.length, left = 52;
+    const { context, width, height } = sized(by("timeline")), row = height / channels.length, left = LEFT;
     const T = (t) => left + (width - left - 8) * t / LENGTH;
     context.font = "12px system-ui, sans-serif";
     channels.forEach(({ name, i, sides: [side] }, at) => {
@@ -479,7 +480,7 @@
   for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => stage?.face(button.dataset.view));
   let drawn = null; // the knot and row that the pointer drew last
   const paintCourse = (e) => {
-    const box = by("timeline").getBoundingClientRect(), row = box.height / channels.length, left = 52;
+    const box = by("timeline").getBoundingClientRect(), row = box.height / channels.length, left = LEFT;
     const k = Math.min(Math.max(Math.round((e.clientX - box.left - left) / (box.width - left - 8) * LENGTH / TICK), 0), knots - 1);
     const at = drawn?.at ?? Math.min(Math.max(Math.floor((e.clientY - box.top) / row), 0), channels.length - 1), { i, sides } = channels[at];
     const level = Math.round(100 * Math.min(Math.max(((at + 1) * row - 3 - (e.clientY - box.top)) / (row - 6), 0), 1)) / 100;
