@@ -33,7 +33,7 @@ from tongue_fenicsx.geometry.tetrahedron import boundary
 from tongue_fenicsx.reduced.basis import coordinates_of, mirror_of, modes_of
 from tongue_fenicsx.reduced.network import fade
 from tongue_fenicsx.reduced.room import Room
-from tongue_fenicsx.reduced.tongue import ReducedTongue, inputs_of
+from tongue_fenicsx.reduced.tongue import SHIPPED, ReducedTongue, inputs_of
 from tongue_fenicsx.reduced.training import Sequences, initial, train
 from tongue_fenicsx.report.live import live_page
 from tongue_fenicsx.report.serving import serve
@@ -387,21 +387,26 @@ level = [0.0, 0.5]
 
 @pytest.mark.slow
 def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Sweep, train, test and run: a small one follows runs of another seed, its folder is that of a run, and its page is whole."""
-    for name, n, seed, sides in (("learn", 10, 1, "together"), ("apart", 5, 2, "apart"), ("judge", 2, 3, "together")):
+    """Sweep, train, test and run: a small one, which begins with another's memories, follows runs of another seed and sides apart, its
+    folder is that of a run, and its page is whole."""
+    for name, n, seed, sides in (("learn", 9, 1, "together"), ("apart", 5, 2, "apart"), ("judge", 2, 3, "together")):
         (tmp_path / f"{name}.toml").write_text(SWEEP.format(mesh=tongue_file, n=n, seed=seed, sides=sides))
         code, said = command(capsys, "sweep", tmp_path / f"{name}.toml", "-o", tmp_path / name)
         assert code == 0, said
-    model = tmp_path / "tongue.npz"
-
-    def train(*arguments: object) -> str:
-        options = ["--modes", "8", "--iterations", "300"]
-        line = [sys.executable, "-m", "tongue_fenicsx", "rom", "train", *map(str, arguments), *options]
-        done = elsewhere(partial(subprocess.run, line, capture_output=True, text=True, timeout=280))
-        assert done.returncode == 0, done.stderr
-        return str(done.stdout)
-
-    assert "9 runs, 99 states" in train(tmp_path / "learn", "-o", model)
+    model, first = tmp_path / "tongue.npz", tmp_path / "first.npz"
+    learned, judged_by = tmp_path / "learn", tmp_path / "judge" / "runs" / "00000"
+    points, cells = tf.Run(judged_by).mesh
+    modes = np.random.default_rng(0).standard_normal((8, len(points), 3))
+    ReducedTongue(points, cells, modes, initial(2, 8, 0), MUSCLES, {}, {"rest": {}}).save(first)
+    options = ["-o", model, "--modes", "8", "--iterations", "300", "--begin"]
+    code, said = command(capsys, "rom", "train", learned, *options, SHIPPED / "buchaillard.npz")
+    assert (code, "--begin: is of another mesh" in said) == (2, True), said
+    line = [sys.executable, "-m", "tongue_fenicsx", "rom", "train", *map(str, [learned, tmp_path / "apart", *options, first])]
+    done = elsewhere(partial(subprocess.run, line, capture_output=True, text=True, timeout=280))
+    assert done.returncode == 0, done.stderr
+    assert "13 runs, 143 states" in done.stdout
+    code, said = command(capsys, "rom", "test", SHIPPED / "buchaillard.npz", tmp_path / "judge")
+    assert (code, "has another mesh than the reduced tongue" in said) == (2, True), said
     code, said = command(capsys, "rom", "test", model, tmp_path / "judge")
     assert code == 0, said
     judged, _, activity = said.partition("| muscles |")
@@ -411,7 +416,7 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert sum(shares) == pytest.approx(100, abs=0.5)
     assert re.search(r"s where the full model took \d+ s: 1 / \d+", activity)
     assert float(mean["mean"]) < 0.4 * float(mean["movement"])
-    scenario = tmp_path / "judge" / "runs" / "00000" / "scenario.toml"
+    scenario = judged_by / "scenario.toml"
     code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")
     assert code == 0, said
     reduced, full = tf.Run(tmp_path / "run"), tf.Run(scenario.parent)
@@ -426,9 +431,6 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert set(re.findall(r"https?://[\w.]+", (tmp_path / "page.html").read_text())) == {"http://www.w3.org"}  # a name, not an address
     one_sided = tmp_path / "apart" / "runs" / "00000" / "scenario.toml"
     code, said = command(capsys, "rom", "run", model, one_sided, "-o", tmp_path / "sides")
-    assert (code, "it has GGP, MH." in said) == (2, True), said
-    assert "14 runs, 154 states" in train(tmp_path / "learn", tmp_path / "apart", "-o", tmp_path / "sides.npz", "--begin", model)
-    code, said = command(capsys, "rom", "run", tmp_path / "sides.npz", one_sided, "-o", tmp_path / "sides")
     assert code == 0, said
     (left, right), (full_left, full_right) = (
         [run.probes[f"edge_{side}"][-1] for side in ("left", "right")] for run in (tf.Run(tmp_path / "sides"), tf.Run(one_sided.parent))

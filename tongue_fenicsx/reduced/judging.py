@@ -116,7 +116,7 @@ def follow(tongue: ReducedTongue, run: Run) -> tuple[Floats, Floats]:
     InputError
         If the run has another mesh, or moves the sides of a muscle apart.
     """
-    if not np.allclose(run.mesh[0], tongue.points, atol=1e-9):
+    if not tongue.fits(run.mesh[0]):
         raise InputError(f"{run}: has another mesh than the reduced tongue.")
     coordinates, doubt = tongue.sequence(run.time, inputs_in(run, tongue))
     rows = rows_of_outputs(run)

@@ -79,7 +79,7 @@ def learn(
     for run in runs:
         if not np.array_equal(run.mesh[0], points):
             raise InputError(f"{run}: has another mesh than {runs[0]}; runs of one mesh are expected.")
-    if begin is not None and not np.allclose(begin.points, points, atol=1e-9):
+    if begin is not None and not begin.fits(points):
         raise InputError(f"--begin: is of another mesh than {runs[0]}; a reduced tongue of the same mesh is expected.")
     muscles = list(dict.fromkeys(base_name(name) for run in runs for name in run.activation))
     found = {run: sides_apart(run) for run in runs}

@@ -157,6 +157,10 @@ class ReducedTongue:
         """A unit for each shape, (n_modes,), in which 16 bits hold it."""
         return np.asarray(abs(self.modes).max(axis=(1, 2)) / 32767)
 
+    def fits(self, points: Floats) -> bool:
+        """Whether it is of a mesh with these nodes (n, 3) in m at rest."""
+        return points.shape == self.points.shape and bool(np.allclose(points, self.points, atol=1e-9))
+
     def reset(self) -> None:
         """Back to rest, with all muscles relaxed."""
         self.time, self.doubt = 0.0, 0.0
