@@ -72,9 +72,10 @@ def test_a_guess_is_a_twin_of_the_reduced_tongue() -> None:
     tongue, knots = ReducedTongue.shipped(), np.array([0.0, 0.1, 0.2])
     truth = {"GGP": [0.0, 0.4, 0.2], "SL": [0.0, 0.1, 0.3], "MH": [0.0, 0.3, 0.3]}
     times = np.linspace(0.0, 0.2, 9)
-    levels = np.column_stack([np.interp(times, knots, truth.get(name, [0.0, 0.0, 0.0])) for name in tongue.muscles])
+    rest = dict.fromkeys(tongue.muscles, np.zeros(9))
+    inputs = tongue.inputs(rest | {name: np.interp(times, knots, levels) for name, levels in truth.items()})
     nodes = {name: int(np.linalg.norm(tongue.points - place, axis=1).argmin()) for name, place in tongue.told["rest"].items()}
-    u = tongue.displacement(tongue.sequence(times, levels)[0])
+    u = tongue.displacement(tongue.sequence(times, inputs)[0])
     paths = {name: goals.Track(times, u[:, node], name) for name, node in nodes.items()}
     probes = {name: tongue.points[node] for name, node in nodes.items()}
     search = fitting.Search(paths, list(truth), knots, effort=0.0, haste=0.0)
