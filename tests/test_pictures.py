@@ -142,9 +142,10 @@ def test_points_beside_a_movie(run: tf.Run, tmp_path: Path, capsys: pytest.Captu
     assert 200 < (abs(last[0] - last[1]).max(axis=-1) > 60).sum() < 10_000
     code, said = command(capsys, *line, "-o", beside)
     assert (code, "--section midsagittal is expected" in said) == (2, True)
-    (tmp_path / "paths.csv").write_text("a,b\n1,2\n")
-    code, said = command(capsys, *line, "-o", beside, "--section", "midsagittal")
-    assert (code, "NAME_x_m" in said) == (2, True)
+    for table, message in (("a,b\n1,2\n", "NAME_x_m"), ("time_s,a_x_m,a_y_m,a_z_m\n0,1,,3\n", "NAME_x_m"), ("a_x_m\n0\n", "time_s")):
+        (tmp_path / "paths.csv").write_text(table)
+        code, said = command(capsys, *line, "-o", beside, "--section", "midsagittal")
+        assert (code, message in said) == (2, True), said
 
 
 def test_a_movie_that_fails_leaves_the_old_one(run: tf.Run, tmp_path: Path) -> None:

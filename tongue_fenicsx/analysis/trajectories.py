@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.errors import reading
+from ..core.errors import InputError
 from ..core.types import Floats
+from .tables import Table
 
 if TYPE_CHECKING:
     from ..runs.run import Run
@@ -49,14 +50,16 @@ def read_places(path: Path) -> dict[str, tuple[Floats, Floats]]:
     Raises
     ------
     InputError
-        If the file has no times or no point, or something else than numbers.
+        If the file has no times or no point, or a place that is no number.
     """
-    with reading(path, "a table with time_s and NAME_x_m, NAME_y_m, NAME_z_m, as trajectories.csv has them,"):
-        table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8-sig", ndmin=1)
-        names = [name.removesuffix("_x_m") for name in table.dtype.names or () if name.endswith("_x_m")]
-        if not names:
-            raise ValueError("no point")
-        return {name: (table["time_s"], np.column_stack([table[f"{name}_{axis}_m"] for axis in "xyz"])) for name in names}
+    table = Table.read(path)
+    names = [column.removesuffix("_x_m") for column in table.columns if column.endswith("_x_m")]
+    points = {name: (table.numbers("time_s"), np.column_stack([table.numbers(f"{name}_{axis}_m") for axis in "xyz"])) for name in names}
+    if not points or not all(np.isfinite(numbers).all() for point in points.values() for numbers in point):
+        raise InputError(
+            f"{path}: time_s and NAME_x_m, NAME_y_m, NAME_z_m with a number in each line are expected, as trajectories.csv has."
+        )
+    return points
 
 
 def write_trajectories(run: Run, path: Path) -> None:

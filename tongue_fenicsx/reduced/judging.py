@@ -85,8 +85,9 @@ def inputs_in(run: Run, tongue: ReducedTongue) -> Floats:
     for name in sides_apart(run):
         if name not in tongue.sides:
             raise InputError(f"{run}: {name}_L and {name}_R do not go together, as the reduced tongue has them.")
-    for name in run.activation:
-        tongue.check(base_name(name))
+    for name, course in run.activation.items():
+        if course.any():
+            tongue.check(base_name(name))
     return tongue.inputs({name: np.zeros(len(run.time)) for name in tongue.muscles} | run.activation)
 
 

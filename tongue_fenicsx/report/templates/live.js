@@ -309,13 +309,13 @@
     return d > 0 && s >= 0 && r >= 0 && s + r <= 1 && now[a + 2] + s * (now[b + 2] - now[a + 2]) + r * (now[c + 2] - now[a + 2]) >= z;
   };
   const drawTimeline = () => {
-    const { context, width, height } = sized(by("timeline")), row = height / channels.length, left = LEFT;
-    const T = (t) => left + (width - left - 8) * t / LENGTH;
+    const { context, width, height } = sized(by("timeline")), row = height / channels.length;
+    const T = (t) => LEFT + (width - LEFT - 8) * t / LENGTH;
     context.font = "12px system-ui, sans-serif";
     channels.forEach(({ name, i, sides: [side] }, at) => {
       const base = (at + 1) * row - 3, tall = row - 6, colour = ink(`--c${i % 8}`);
       context.fillStyle = ink("--rule");
-      context.fillRect(left, base, width - left - 8, 1);
+      context.fillRect(LEFT, base, width - LEFT - 8, 1);
       context.fillStyle = ink("--soft");
       context.fillText(name, 6, base - 3);
       context.beginPath();
@@ -480,8 +480,8 @@
   for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => stage?.face(button.dataset.view));
   let drawn = null; // the knot and row that the pointer drew last
   const paintCourse = (e) => {
-    const box = by("timeline").getBoundingClientRect(), row = box.height / channels.length, left = LEFT;
-    const k = Math.min(Math.max(Math.round((e.clientX - box.left - left) / (box.width - left - 8) * LENGTH / TICK), 0), knots - 1);
+    const box = by("timeline").getBoundingClientRect(), row = box.height / channels.length;
+    const k = Math.min(Math.max(Math.round((e.clientX - box.left - LEFT) / (box.width - LEFT - 8) * LENGTH / TICK), 0), knots - 1);
     const at = drawn?.at ?? Math.min(Math.max(Math.floor((e.clientY - box.top) / row), 0), channels.length - 1), { i, sides } = channels[at];
     const level = Math.round(100 * Math.min(Math.max(((at + 1) * row - 3 - (e.clientY - box.top)) / (row - 6), 0), 1)) / 100;
     const from = drawn ?? { k, level };
