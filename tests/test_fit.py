@@ -15,14 +15,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
+from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.studies import articulography, fit_file, fit_run, fitting, goals, openness
+from tongue_fenicsx.studies.shapes import Shape, spread_in_plane
 from tongue_fenicsx.studies.single_muscle import LANDMARKS
 from tongue_fenicsx.testing import box
 from tongue_fenicsx.verification.gradient import bar_with
@@ -230,6 +233,78 @@ def test_goals_on_a_circle() -> None:
     assert inside(0.0, {"tip": np.array([1e-3, 9.0, -2e-3])})[0] == pytest.approx(3**2 + 2**2)
 
 
+def test_free_contours() -> None:
+    """An ellipse of which a part was seen with the head turned and shifted is laid on itself; one of another size keeps its distance."""
+    ring = circle()
+    outline = replace(ring, points=ring.points * [2.0, 1.0, 1.0])
+    still = {name: np.zeros(3) for name in outline.probes}
+    angle, turn = np.linspace(-0.3, 3.0, 60), np.radians(6.0)
+    seen = np.column_stack([20 * np.cos(angle), 10 * np.sin(angle)])
+    moved = seen @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + [2.0, -1.5]
+    assert goals.Contour(outline, moved)(0.0, still)[0] > 1.0
+    free = goals.Contour(outline, moved, free=True)
+    assert free(0.0, still)[0] < 0.01
+    np.testing.assert_allclose(free.laid(still), seen, atol=0.2)
+    larger = goals.Contour(outline, 1.2 * np.column_stack([20 * np.cos(2 * angle), 10 * np.sin(2 * angle)]), free=True)
+    value, by = larger(0.0, still)
+    assert value == pytest.approx(8.0, abs=1.5)  # from 2 mm at the sides to 4 mm at the ends, where few places are
+    way = {name: 1e-3 * np.array([np.cos(300 * x), 0.0, np.sin(500 * x - 200 * z)]) for name, (x, _, z) in outline.probes.items()}
+    up, down = (larger(0.0, {name: sign * 1e-3 * along for name, along in way.items()})[0] for sign in (1, -1))
+    assert sum(float(by[name] @ way[name]) for name in by) == pytest.approx((up - down) / 2e-3, rel=1e-3)
+
+
+def test_shapes_are_laid_as_at_rest(tongue: tf.TongueMesh, tmp_path: Path) -> None:
+    """A tongue that is larger, turned and looks along other axes: its posture is found in ours, by its rest shape; a longer one after a
+    smooth map."""
+    skin = Surface(*goals.skin_of(tongue))
+    x, y, z = skin.points.T
+    posture = np.column_stack([x - 0.1 * z, y, z + 3e-3 * np.cos(60 * x)])  # the root leans forward, the dorsum rises
+    turn = Rotation.from_rotvec([0.0, np.radians(5.0), 0.0]).as_matrix()
+    theirs = {name: 1.1e3 * points @ turn.T + [20.0, 3.0, 30.0] for name, points in (("rest", skin.points), ("posture", posture))}
+    for name, points in theirs.items():
+        places = points * [1, -1, 1]  # P, L, S in mm: mirrored
+        Surface(places[:, [1, 0, 2]], skin.triangles[:, ::-1]).to_pyvista().save(tmp_path / f"{name}.ply")
+    section = """
+[surface.vowel]
+file = "posture.ply"
+rest = "rest.ply"
+axes = "LPS"
+mid_plane = -3.0
+midsagittal = true
+places = 200
+"""
+    text = FIT.format(mesh="none.msh", iterations=1)
+    file = tmp_path / "fit.toml"
+    file.write_text(text[: text.index("[target")].replace('file = "none.msh"', 'parametric = "coarse"') + section)
+    shape = fit_file.read(file).surfaces["vowel"]
+    laid, how = shape.on(skin)
+    assert "turned by -5.0°, scaled by 0.91; at rest 0.3 mm apart" in how  # as points that are spread over both are
+    assert cKDTree(posture).query(laid.points)[0].max() < 3e-4
+    rigid, _ = replace(shape, align="rigid").on(skin)
+    assert np.ptp(rigid.points, axis=0) == pytest.approx(np.ptp(1.1 * posture, axis=0), rel=0.02)
+    assert shape.rest is not None
+    longer = Shape(*(surface.transform(lambda at: at * [1.15, 1.0, 0.95]) for surface in (shape.surface, shape.rest)), align="smooth")
+    outline = goals.outline_of(tongue)
+    still = {name: np.zeros(3) for name in outline.probes}
+    u = [np.array([-0.1 * z, 0.0, 3e-3 * np.cos(60 * x)]) for x, _, z in outline.points]
+    goal = goals.Contour(outline, spread_in_plane(longer.on(skin)[0], 200, "vowel"))
+    assert np.sqrt(goal(0.0, still)[0]) > 1.5 > 0.7 > np.sqrt(goal(0.0, dict(zip(outline.probes, u, strict=True)))[0])
+    for old, new, message in (
+        ("midsagittal = true", "free = true", "surface.vowel: free: it is the mid-sagittal contour"),
+        ('"LPS"', '"LPL"', "three letters are expected"),
+        ('"posture.ply"', '"none.ply"', "does not exist"),
+        ("places = 200", 'align = "free"', "surface.vowel.align: .*one of rigid, scale, smooth"),
+    ):
+        good = file.read_text()
+        file.write_text(good.replace(old, new))
+        with pytest.raises(tf.InputError, match=message):
+            fit_file.read(file)
+        file.write_text(good)
+    aside = shape.surface.transform(lambda at: at + [0.0, 0.1, 0.0])
+    with pytest.raises(tf.InputError, match="surface.vowel: the mid-sagittal plane y = 0 misses it"):
+        spread_in_plane(aside, 200, "vowel")
+
+
 def test_goals_have_the_derivatives_of_their_values() -> None:
     """Of a circle that is bent at random, and of a surface."""
     random, outline = np.random.default_rng(3), circle()
@@ -346,7 +421,7 @@ def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
     """They can be read, and their places are there on the walls of the built-in tongue."""
     task = fit_file.read(Path(__file__).parents[1] / "demos" / "targets" / f"{posture}.toml")
     walls = {name: tf.Contact(tf.Triangulated(tongue.bones[name])) for name in ("palate", "velum", "pharynx")}
-    found = fit_run.goals_of(task, tf.Simulation(tf.Model(tongue, contacts=walls), stepping=tf.Stepping(0.01)))
+    found = fit_run.goals_of(task, tf.Simulation(tf.Model(tongue, contacts=walls), stepping=tf.Stepping(0.01)), print)
     assert list(found) == [*task.file.point, *task.file.constriction, *task.file.touch]
     np.testing.assert_allclose(task.knots, [0, 0.1, 0.35])
     at_rest = {name: np.zeros(3) for goal in found.values() for name in [*goal.points, *LANDMARKS]}

@@ -52,11 +52,12 @@ OUTSIDE = 10e-3
 """Fibres that end farther than this from the tongue, in m, belong to a muscle that comes from a bone out there."""
 
 
-def check_axes(axes: object) -> None:
+def check_axes(axes: str) -> str:
     """Refuse what does not say where x, y and z point, with a ValueError."""
     letters = list(axes) if isinstance(axes, str) else []
     if sorted(AXES[letter][0] for letter in letters if letter in AXES) != [0, 1, 2]:
         raise ValueError(f"{axes!r}; three letters are expected, one each of P or A, R or L, S or I")
+    return axes
 
 
 @dataclass(frozen=True)

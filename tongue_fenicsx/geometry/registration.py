@@ -47,12 +47,12 @@ class Similarity:
     offset: Floats
 
     @classmethod
-    def between(cls, source: Floats, target: Floats) -> Similarity:
-        """The one that leaves the least mean square distance of `target` points (n, 3) from `source` points (n, 3)."""
+    def between(cls, source: Floats, target: Floats, rigid: bool = False) -> Similarity:
+        """The one, `rigid` or not, that leaves the least mean square distance of `target` points (n, 3) from `source` points (n, 3)."""
         start, end = source.mean(axis=0), target.mean(axis=0)
         a, b = source - start, target - end
         rotation = Rotation.align_vectors(b, a)[0].as_matrix()
-        scale = float(np.sum((a @ rotation.T) * b) / np.sum(a**2))
+        scale = 1.0 if rigid else float(np.sum((a @ rotation.T) * b) / np.sum(a**2))
         return cls(rotation, scale, end - scale * rotation @ start)
 
     def forward(self, points: Floats) -> Floats:
@@ -64,14 +64,14 @@ class Similarity:
         return np.asarray((points - self.offset) @ self.rotation / self.scale)
 
 
-def lay_on(source: Surface, target: Surface) -> tuple[Similarity, float]:
+def lay_on(source: Surface, target: Surface, rigid: bool = False) -> tuple[Similarity, float]:
     """The similarity in the plane y = 0, of symmetry, that lays a surface on another, by iterated closest points (Besl and McKay 1992) both
-    ways, and the mean distance in m, both ways, that it leaves. It begins as the surfaces lie, centre on centre, with the same size; open
-    ones will do."""
+    ways, and the mean distance in m, both ways, that it leaves. It begins as the surfaces lie, centre on centre, with the same size unless
+    it is to be `rigid`; open ones will do."""
     ours, theirs = scatter(source, DENSE), scatter(target, DENSE)
     a, b = ours[:: DENSE // SPARSE], theirs[:: DENSE // SPARSE]
     sizes = [float(np.sqrt(points.var(axis=0).sum())) for points in (ours, theirs)]
-    scale = sizes[1] / sizes[0]
+    scale = 1.0 if rigid else sizes[1] / sizes[0]
     found = Similarity(np.eye(3), scale, (theirs.mean(axis=0) - scale * ours.mean(axis=0)) * (1, 0, 1))
     there, here = cKDTree(theirs), cKDTree(ours)
     for _ in range(ROUNDS):
@@ -79,7 +79,7 @@ def lay_on(source: Surface, target: Surface) -> tuple[Similarity, float]:
         back, of = here.query(found.backward(b))
         near, close = to < TRIM * np.median(to), back < TRIM * np.median(back)
         starts, ends = np.vstack([a[near], ours[of[close]]]), np.vstack([theirs[at[near]], b[close]])
-        found = Similarity.between(np.vstack([starts, starts * MIRROR]), np.vstack([ends, ends * MIRROR]))
+        found = Similarity.between(np.vstack([starts, starts * MIRROR]), np.vstack([ends, ends * MIRROR]), rigid)
     return found, float(to.mean() + found.scale * back.mean()) / 2
 
 

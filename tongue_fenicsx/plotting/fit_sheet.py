@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a fit found on one sheet: levels with what the data leave open, and probes beside their paths."""
+"""What a fit found: levels with what the data leave open, probes beside their paths, and contours upon the outline."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ..analysis.tongue_grid import cut, grids, mid_plane, outline
 from ..core.types import Floats
 from ..runs.run import Run
-from .canvas import PATHS, save_both
+from .canvas import BACKWARD, BONE, PATHS, curves, save_both, title_of
 
 COLUMNS = 4
 
@@ -63,6 +64,34 @@ def draw_fit(
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
     below.suptitle("points, and where they should be (dots)")
+    return save_both(figure, path)[0]
+
+
+def draw_contours(run: Run, wanted: Mapping[str, tuple[Floats, float]], path: Path) -> Path:
+    """Draw the mid-sagittal outline at the end of a run, and at rest, with contours through which it should go.
+
+    Parameters
+    ----------
+    run : Run
+        At whose end they count.
+    wanted : mapping
+        Contour to its places (n, 2), x and z in mm, and its root mean square distance in mm.
+    path : Path
+        PNG file; a PDF lies beside it.
+    """
+    rest, moved = grids(run)
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    axes = figure.subplots()
+    axes.add_collection(curves(outline(rest), colors="0.5", linewidths=1.0, linestyles="--", label="at rest"))
+    axes.add_collection(curves(outline(moved), colors="0.2", linewidths=1.6, label=f"at {1e3 * run.time[-1]:.0f} ms"))
+    for colour, (name, (places, away)) in zip(cycle(PATHS), wanted.items(), strict=False):
+        axes.plot(*places.T, "o", color=colour, markersize=2.5, label=f"{name}: {away:.2f} mm away", zorder=0)
+    axes.autoscale_view()
+    axes.set(aspect="equal", xlabel=BACKWARD, ylabel="z in mm", autoscale_on=False)
+    for surface in run.obstacles(-1).values():
+        axes.add_collection(curves(cut(surface, mid_plane(rest)), colors=BONE, linewidths=1.6), autolim=False)
+    axes.legend(fontsize=8)
+    figure.suptitle(title_of(run))
     return save_both(figure, path)[0]
 
 

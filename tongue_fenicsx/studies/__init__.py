@@ -18,6 +18,7 @@ __all__ = [
     "pool",
     "postures",
     "run_table",
+    "shapes",
     "single_muscle",
     "stress",
     "sweep",

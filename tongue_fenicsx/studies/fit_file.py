@@ -9,23 +9,23 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from ..anatomy.subject import Frame, check_axes
 from ..core.errors import InputError, reading, within
 from ..core.types import Floats
 from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, Vector, explain
-from ..geometry.registration import scatter
-from ..geometry.surface import read_surface
 from ..scenario.files import read_toml, scenario_of
 from ..scenario.schema import Scenario, Section
 from .articulography import ALIGNMENTS, Recording
 from .fitting import Opening, Search
 from .goals import Goal, Track
+from .shapes import LAYS, Shape
 from .sweep_file import base_of
 
 Span = tuple[float, float]
 Columns = Annotated[list[str], Field(min_length=3, max_length=3)]
+Axes = Annotated[str, AfterValidator(check_axes)]
 JAW, TOOTH = "mandible", "(tooth)"
 """The bone that a sensor on the lower teeth moves, about an axis to the left, so that opening is positive; and that sensor, whose name no
 other can have."""
@@ -56,18 +56,32 @@ class ConstrictionSection(Section):
 
 
 class ContourSection(Section):
-    """A mid-sagittal contour: a table of x and z."""
+    """A mid-sagittal contour: a table of x and z. A `free` one may be turned and shifted to where it is nearest."""
 
     table: str
     unit: Annotated[str, OneOf(names=UNITS)] = "mm"
+    free: Flag = False
 
 
 class SurfaceSection(Section):
-    """The whole surface, or a part of it, in the frame of the tongue, and how many places spread over it count."""
+    """The whole surface, or a part of it, where its axes point and its mid-plane is (in its unit), and how many places count, spread over
+    it or along its mid-sagittal contour. With one of the same speaker at rest it is laid on the tongue as that one is on ours."""
 
     file: str
+    rest: str | None = None
+    align: Annotated[str, OneOf(names=LAYS)] = "scale"
     unit: Annotated[str, OneOf(names=UNITS)] = "mm"
+    axes: Axes = "PRS"
+    mid_plane: Annotated[float, Real()] = 0.0
     places: Annotated[int, Real(low=10, high=5000, whole=True)] = 400
+    midsagittal: Flag = False
+    free: Flag = False
+
+    @model_validator(mode="after")
+    def _in_the_plane(self) -> SurfaceSection:
+        if self.free and not self.midsagittal:
+            raise ValueError("free: it is the mid-sagittal contour that may be turned and shifted; midsagittal = true is expected too")
+        return self
 
 
 class TouchSection(Section):
@@ -117,18 +131,12 @@ class RecordingSection(Section):
     jaw: JawSection | None = None
     time: str = "time_s"
     unit: Annotated[str, OneOf(names=UNITS)] = "mm"
-    axes: str = "PRS"
+    axes: Axes = "PRS"
     rest: NotNegative = 0.0
     begin: NotNegative | None = None
     lead: Seconds = 0.1
     align: Annotated[str, OneOf(names=ALIGNMENTS)] = "rigid"
     lateral: Flag = False
-
-    @field_validator("axes")
-    @classmethod
-    def _known(cls, axes: str) -> str:
-        check_axes(axes)
-        return axes
 
 
 class FitFile(Section):
@@ -170,7 +178,7 @@ class Task:
     scenario: Scenario
     paths: Mapping[str, Track]
     contours: Mapping[str, Floats]
-    surfaces: Mapping[str, Floats]
+    surfaces: Mapping[str, Shape]
     recording: Recording | None = None
 
     def search(self, goals: Mapping[str, Goal], opening: Opening | None = None) -> Search:
@@ -226,10 +234,11 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
             raise InputError(f"{path}: recording.lead: {told.lead:g} s; less than time.end, {scenario.time.end:g} s, is expected.")
     for name, drawn in file.contour.items():
         contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(path.parent / drawn.table, 2, "two columns, backward and up,")
-    surfaces = {
-        name: 1e3 * UNITS[whole.unit] * scatter(read_surface(path.parent / whole.file), whole.places)
-        for name, whole in file.surface.items()
-    }
+    surfaces = {}
+    for name, whole in file.surface.items():
+        frame = Frame(whole.unit, whole.axes, whole.mid_plane)
+        rest = frame.surface(path.parent / whole.rest) if whole.rest else None
+        surfaces[name] = Shape(frame.surface(path.parent / whole.file), rest, whole.align)
     return Task(file, scenario, paths, contours, surfaces, recording)
 
 

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from ..analysis.airway import WALLS, wall_of
 from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
@@ -19,7 +20,8 @@ from ..analysis.trajectories import write_places
 from ..core.errors import InputError
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
-from ..plotting.fit_sheet import draw_fit
+from ..geometry.surface import Surface
+from ..plotting.fit_sheet import draw_contours, draw_fit
 from ..reduced.tongue import ReducedTongue
 from ..runs.run import Run
 from ..scenario.build import activation_of, inputs_of, simulation_of
@@ -34,10 +36,11 @@ from .fitting import Fit, Opening, Surrogate
 from .goals import Constriction, Contour, Cover, Goal, Touch, Within, outline_of, skin_of
 from .openness import Openness, by_reduced, by_runs, nearby, openness
 from .pool import Workers, perform, results
+from .shapes import spread, spread_in_plane
 
-BEST, PROGRESS, OPEN, SHEET, PATHS = "best.toml", "fit.csv", "open.csv", "fit.png", "paths.csv"
-"""The scenario with the activations found so far, how the search went, what the data leave open, a picture of all, and where points
-should be."""
+BEST, PROGRESS, OPEN, SHEET, PATHS, CONTOURS = "best.toml", "fit.csv", "open.csv", "fit.png", "paths.csv", "contours.png"
+"""The scenario with the activations found so far, how the search went, what the data leave open, a picture of all, where points should be,
+and a picture of contours."""
 RUN, NEARBY = "run", "nearby"
 """Folders of the run of the best, and of those beside it."""
 REACH_FOR = 18.0
@@ -95,8 +98,8 @@ def _turn_jaw(data: dict[str, Any], pieces: Sequence[tuple[float, float, float]]
         data["contact"][name]["moves_with"] = JAW
 
 
-def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
-    """What is to be reached, of a simulation's tongue and walls.
+def goals_of(task: Task, simulation: Simulation, say: Callable[[str], object]) -> dict[str, Goal]:
+    """What is to be reached, of a simulation's tongue and walls; says how surfaces were laid on the tongue.
 
     Raises
     ------
@@ -111,9 +114,16 @@ def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
     if not (file.constriction or file.contour or file.touch or file.surface):
         return goals
     skin, triangles = skin_of(tongue := simulation.model.tongue)
-    goals |= {name: Cover(skin, triangles, places) for name, places in task.surfaces.items()}
-    if file.constriction or file.contour:
+    if file.constriction or file.contour or any(whole.midsagittal for whole in file.surface.values()):
         outline = outline_of(tongue)
+    for name, shape in task.surfaces.items():
+        whole = file.surface[name]
+        laid, how = shape.on(Surface(skin, triangles))
+        say(f"{name}: {how}")
+        if whole.midsagittal:
+            goals[name] = Contour(outline, spread_in_plane(laid, whole.places, name), whole.free)
+        else:
+            goals[name] = Cover(skin, triangles, spread(laid, whole.places))
     walls = {name: cut(surface) for name, surface in surfaces.items() if name in WALLS}
     for name, narrow in file.constriction.items():
         for wall in narrow.walls:
@@ -125,7 +135,7 @@ def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
         if len(there) == 0:
             raise InputError(f"constriction.{name}: no place of {', '.join(narrow.walls)} has an x from {low:g} to {high:g} mm.")
         goals[name] = Constriction(outline, there, narrow.degree)
-    goals |= {name: Contour(outline, places) for name, places in task.contours.items()}
+    goals |= {name: Contour(outline, places, file.contour[name].free) for name, places in task.contours.items()}
     for name, wanted in file.touch.items():
         palate = next((surfaces[wall] for wall in PALATES if wall in surfaces), None)
         if palate is None:
@@ -138,11 +148,12 @@ def goals_of(task: Task, simulation: Simulation) -> dict[str, Goal]:
     return goals
 
 
-def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
-    """Fit, leave the best so far in the folder whenever it is better, and the run of the best at the end; goes on from what is there."""
+def fit(task: Task, output: Path, report: Callable[[Fit], object], say: Callable[[str], object]) -> Fit:
+    """Fit, leave the best so far in the folder whenever it is better, and the run of the best at the end, with a picture of contours; goes
+    on from what is there."""
     output.mkdir(parents=True, exist_ok=True)
     scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
-    goals = goals_of(task, plain := simulation_of(scenario, output))
+    goals = goals_of(task, plain := simulation_of(scenario, output), say)
     told, turning = file.opening, plain.model.moving.get(JAW)
     opening = Opening(JAW, turning, told.rise, told.most) if told and turning else None
     simulation, search = fitting.following(plain, goals), task.search(goals, opening)
@@ -176,7 +187,19 @@ def fit(task: Task, output: Path, report: Callable[[Fit], object]) -> Fit:
     if opening:
         opening.move(plain, found.angle)
     plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
+    if contours := {name: goal for name, goal in goals.items() if isinstance(goal, Contour)}:
+        on_rank_zero(MPI.COMM_WORLD, lambda: _draw(Run(output / RUN), contours, found, output / CONTOURS))
     return found
+
+
+def _draw(run: Run, contours: Mapping[str, Contour], found: Fit, path: Path) -> None:
+    """Contours where they are laid at the end of a run."""
+    nodes, moved = cKDTree(run.mesh[0]), run.field("displacement")
+    laid = {}
+    for name, goal in contours.items():
+        ends = moved[nodes.query(goal.outline.points)[1]]
+        laid[name] = goal.laid(dict(zip(goal.points, ends, strict=True))), found.distance[name]
+    draw_contours(run, laid, path)
 
 
 def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openness:

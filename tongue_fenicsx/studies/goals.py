@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 import pyvista as pv
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
+from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from ..analysis.airway import feet
@@ -19,6 +20,8 @@ from ..core.types import Floats, Ints
 from ..geometry.tetrahedron import QUARTERS, mid_edges
 from ..meshing.tongue_mesh import TongueMesh
 
+QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Of a turn of vectors (n, 2) in rows, from x to z."""
 Pull = Mapping[str, Floats]
 """Probe to a derivative (3,) by its displacement, in mm²/m."""
 
@@ -177,13 +180,45 @@ class Constriction(_OfOutline):
 
 @dataclass(frozen=True)
 class Contour(_OfOutline):
-    """Places (n, 2), x and z in mm, through which the outline should go: their mean square distance from it."""
+    """Places (n, 2), x and z in mm, through which the outline should go: their mean square distance from it.
+
+    Attributes
+    ----------
+    outline : Outline
+        Of the tongue.
+    places : (n, 2) array
+        In mm.
+    free : bool
+        All places may be turned and shifted together to where they are nearest, as of a picture in which the head had moved.
+    """
 
     places: Floats
+    free: bool = False
+
+    def laid(self, probes: Mapping[str, Floats]) -> Floats:
+        """The places (n, 2) in mm, where they count; those that are `free` where their square distances are least (Levenberg–Marquardt)."""
+        if not self.free:
+            return self.places
+        middle = self.places.mean(axis=0)
+
+        def moved(pose: Floats) -> tuple[Floats, Floats]:  # by a shift in mm and a turn, and the arms from the middle
+            c, s = np.cos(pose[2]), np.sin(pose[2])
+            arm = (self.places - middle) @ np.array([[c, s], [-s, c]])
+            return middle + pose[:2] + arm, arm
+
+        def distance(pose: Floats) -> Floats:
+            return self.outline.nearest(moved(pose)[0], probes)[0]
+
+        def slopes(pose: Floats) -> Floats:
+            places, arm = moved(pose)
+            toward = self.outline.nearest(places, probes)[3]
+            return -np.column_stack([toward, (toward * (arm @ QUARTER)).sum(axis=1)])
+
+        return moved(least_squares(distance, np.zeros(3), slopes, method="lm", x_scale=(1.0, 1.0, 0.05)).x)[0]
 
     def __call__(self, t: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
         """As of `Goal`."""
-        d, ends, share, toward = self.outline.nearest(self.places, probes)
+        d, ends, share, toward = self.outline.nearest(self.laid(probes), probes)
         total: dict[str, Floats] = {}
         for i in range(len(d)):
             _add(total, self.outline.pull(ends[i], share[i], 2e3 * d[i] / len(d) * toward[i]))

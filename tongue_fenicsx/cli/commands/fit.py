@@ -55,13 +55,14 @@ def fit(
     try:
         with within(file):
             task = fit_run.glue(task, output, console.print)
-            found = fit_run.fit(task, output, say)
+            found = fit_run.fit(task, output, say, console.print)
     except Interrupted as signal:
         if not (best := output / fit_run.BEST).exists():
             raise
         raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {best}") from None
     if rank == 0:
-        files = f"the best is {output / fit_run.BEST}, its run {output / fit_run.RUN}"
+        drawn = f", drawn in {output / fit_run.CONTOURS}" if (output / fit_run.CONTOURS).exists() else ""
+        files = f"the best is {output / fit_run.BEST}, its run {output / fit_run.RUN}{drawn}"
         console.print(f"{found.reason.lower()} after {found.evaluations} runs; {files}")
         for name, (most, t) in fit_run.farthest(task, output).items():
             console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
