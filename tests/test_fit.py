@@ -283,11 +283,15 @@ places = 200
     rigid, _ = replace(shape, align="rigid").on(skin)
     assert np.ptp(rigid.points, axis=0) == pytest.approx(np.ptp(1.1 * posture, axis=0), rel=0.02)
     assert shape.rest is not None
-    longer = Shape(*(surface.transform(lambda at: at * [1.15, 1.0, 0.95]) for surface in (shape.surface, shape.rest)), align="smooth")
+
+    def longer(surface: Surface) -> Surface:
+        return surface.transform(lambda at: at * [1.15, 1.0, 0.95])
+
+    stretched = Shape(longer(shape.surface), longer(shape.rest), "smooth")
     outline = goals.outline_of(tongue)
     still = {name: np.zeros(3) for name in outline.probes}
     u = [np.array([-0.1 * z, 0.0, 3e-3 * np.cos(60 * x)]) for x, _, z in outline.points]
-    goal = goals.Contour(outline, spread_in_plane(longer.on(skin)[0], 200, "vowel"))
+    goal = goals.Contour(outline, spread_in_plane(stretched.on(skin)[0], 200, "vowel"))
     assert np.sqrt(goal(0.0, still)[0]) > 1.5 > 0.7 > np.sqrt(goal(0.0, dict(zip(outline.probes, u, strict=True)))[0])
     for old, new, message in (
         ("midsagittal = true", "free = true", "surface.vowel: free: it is the mid-sagittal contour"),
@@ -300,8 +304,8 @@ places = 200
         with pytest.raises(tf.InputError, match=message):
             fit_file.read(file)
         file.write_text(good)
-    aside = shape.surface.transform(lambda at: at + [0.0, 0.1, 0.0])
-    with pytest.raises(tf.InputError, match="surface.vowel: the mid-sagittal plane y = 0 misses it"):
+    aside = shape.surface.moved(np.eye(3), np.array([0.0, 0.1, 0.0]))
+    with pytest.raises(tf.InputError, match=r"surface.vowel: the mid-sagittal plane y = 0 misses it"):
         spread_in_plane(aside, 200, "vowel")
 
 
