@@ -24,7 +24,7 @@ from tongue_fenicsx.geometry.surface import Surface
 from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.files import load
-from tongue_fenicsx.studies import articulography, fit_file, fit_run, fitting, goals, openness
+from tongue_fenicsx.studies import articulography, beside, fit_file, fit_run, fitting, goals, openness
 from tongue_fenicsx.studies.shapes import Shape, spread_in_plane
 from tongue_fenicsx.studies.single_muscle import LANDMARKS
 from tongue_fenicsx.testing import box
@@ -178,7 +178,9 @@ def test_an_opening_is_found(tongue_file: Path, tmp_path: Path, capsys: pytest.C
     jaw = tf.RigidMotion(angle=[(0.05, 0.0, 5.0)], centre=(0.075, 0.0, 0.045), axis=(0.0, -1.0, 0.0))
     resting = tf.Model(tongue, tissue=tf.Tissue.buchaillard())
     model = replace(resting, fixed=[name for name in resting.fixed if name != "mandible"], moving={"mandible": jaw})
-    run = tf.Simulation(model, stepping=tf.Stepping(0.01, output_every=0.08)).run({"GGP": tf.ramp(0.05, 0.03, 0.3)}, 0.08)
+    run = tf.Simulation(model, stepping=tf.Stepping(0.01, output_every=0.08)).run(
+        {"GGP": tf.ramp(0.04, 0.04, 0.3), "MH": tf.ramp(0.04, 0.04, 0.0)}, 0.08
+    )
     for name in ("tip", "dorsum", "root"):
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack([run.time, 1e3 * run.probes[name]]), delimiter=",")
     file, output = tmp_path / "fit.toml", tmp_path / "fit"
@@ -190,12 +192,22 @@ def test_an_opening_is_found(tongue_file: Path, tmp_path: Path, capsys: pytest.C
     assert best.boundary.moving["mandible"].angle[-1][2] == pytest.approx(5.0, abs=0.3)
     assert activation_of(best)["GGP"](0.08) == pytest.approx(0.3, abs=0.03)
     np.testing.assert_allclose(tf.Run(output / "run").probes["tip"][-1], run.probes["tip"][-1], atol=2e-4)
-    file.write_text(OPENED.format(mesh=tongue_file).replace("rounds = 5", "rounds = 1"))
+    assert [(output / "nearby" / name).exists() for name in ("base", "opening", "GGP-2")] == [True, True, False]
+    with open(output / "open.csv", newline="", encoding="utf-8") as table:
+        (row,) = [row for row in csv.DictReader(table) if row["muscle"] == "opening"]
+    assert float(row["time_s"]) == 0.05
+    assert float(row["low"]) < 5.0 < float(row["high"]) < float(row["low"]) + 1.0
+    assert "  opening: " in said
+    file.write_text(OPENED.format(mesh=tongue_file).replace("rounds = 5", 'rounds = 3\nslopes = "full"'))
     code, said = command(capsys, "fit", file, "-o", output)
     assert code == 0, said
-    assert float(re.findall(r"opens by (\S+)°", said)[0]) == pytest.approx(5.0, abs=0.3)
+    assert (output / "nearby" / "GGP-2").exists()
+    best = load(output / "best.toml")
+    assert best.boundary.moving["mandible"].angle[-1][2] == pytest.approx(5.0, abs=0.02), said
+    assert activation_of(best)["GGP"](0.08) == pytest.approx(0.3, abs=0.003)
     good = file.read_text()
     for old, new, message in (
+        ('begin = "live"', 'begin = "flat"', 'slopes: "full" goes on from begin = "live"'),
         ("iterations = 0", "iterations = 2", 'opening: an angle is found with begin = "live" and iterations = 0 only'),
         ("[opening]", "[base.boundary.moving.mandible]\nangle = [[0.1, 0.0, 3.0]]\n[opening]", "opening: the mandible moves already"),
     ):
@@ -368,13 +380,19 @@ def test_what_is_open() -> None:
     time, slope = np.array([0.0, 0.1]), np.array([4e-3, 0.0, 3e-3])  # m per level, so 5 mm
     found = fitting.Fit(time, {"GGP": np.array([0.0, 0.4]), "GGM": np.array([0.0, 0.6])}, {"tip": 0.0}, 0.0, 1)
 
-    def run(levels: dict[str, np.ndarray]) -> SimpleNamespace:
-        return SimpleNamespace(time=time, probes={"tip": np.outer([0.0, sum(at[1] for at in levels.values())], slope)})
+    def run(fit: fitting.Fit) -> SimpleNamespace:
+        return SimpleNamespace(time=time, probes={"tip": np.outer([0.0, sum(at[-1] for at in fit.levels.values())], slope)})
+
+    def slopes_of(fit: fitting.Fit, search: fitting.Search) -> np.ndarray:
+        runs = {beside.BASE: run(fit)} | {name: run(moved) for name, (moved, _) in beside.nearby(fit, search).items()}
+        by = beside.Beside(fit, search, runs).slopes(lambda one: openness.measured(paths, one))  # type: ignore[arg-type]
+        assert list(by) == search.names
+        return np.array(list(by.values()))
 
     paths = {"tip": goals.Track(time, np.outer([0.0, 1.0], slope), "tip")}
-    moved = {name: run(levels) for name, levels in openness.nearby(found)}
-    assert list(moved) == ["GGP-1", "GGM-1"]
-    known = openness.openness(found, paths, 0.1, openness.by_runs(found, paths, run(found.levels), moved))  # type: ignore[arg-type]
+    search = fitting.Search(paths, list(found.levels), time)
+    assert search.names == ["GGP-1", "GGM-1"]
+    known = openness.openness(found, paths, 0.1, slopes_of(found, search))
     (wide, difference), (narrow, both) = known.combinations
     assert wide == pytest.approx(np.sqrt(openness.BEFORE))
     assert narrow == pytest.approx(0.1 / (5 * np.sqrt(2)), rel=1e-2)  # noise over the change along (1, 1)/√2
@@ -386,9 +404,10 @@ def test_what_is_open() -> None:
     held = replace(
         found, knots=np.array([0.0, 0.05, 0.1]), levels={n: np.insert(at, 1, at[1]) for n, at in found.levels.items()}, hold=True
     )
-    at_once = dict(openness.nearby(held))
-    assert {name: tuple(levels["GGP"]) for name, levels in at_once.items()} == {"GGP-2": (0.0, 0.45, 0.45), "GGM-2": (0.0, 0.4, 0.4)}
-    slopes = openness.by_runs(held, paths, run(found.levels), dict(zip(at_once, moved.values(), strict=True)))  # type: ignore[arg-type]
+    holding = replace(search, knots=held.knots, hold=True)
+    at_once = beside.nearby(held, holding)
+    assert {name: tuple(fit.levels["GGP"]) for name, (fit, _) in at_once.items()} == {"GGP-2": (0.0, 0.45, 0.45), "GGM-2": (0.0, 0.4, 0.4)}
+    slopes = slopes_of(held, holding)
     of_postures = openness.openness(held, paths, 0.1, slopes)
     assert [deviation for deviation, _ in of_postures.combinations] == pytest.approx([wide, narrow])
     assert [len(levels) for levels in of_postures.levels.values()] == [1, 1]

@@ -6,6 +6,7 @@ __all__ = [
     "anatomy_statements",
     "articulography",
     "atlas",
+    "beside",
     "calibration",
     "cases",
     "designs",

@@ -29,7 +29,7 @@ Axes = Annotated[str, AfterValidator(check_axes)]
 JAW, TOOTH = "mandible", "(tooth)"
 """The bone that a sensor on the lower teeth moves, about an axis to the left, so that opening is positive; and that sensor, whose name no
 other can have."""
-BEGINS = ("flat", "live")
+BEGINS, SLOPES = ("flat", "live"), ("reduced", "full")
 
 
 class TargetSection(Section):
@@ -151,6 +151,7 @@ class FitFile(Section):
     begin: Annotated[str, OneOf(names=BEGINS)] = "flat"
     effort: NotNegative = 1e-2
     haste: NotNegative = 1e-2
+    slopes: Annotated[str, OneOf(names=SLOPES)] = "reduced"
     rounds: Annotated[int, Real(low=1, high=100, whole=True)] = 6
     iterations: Annotated[int, Real(low=0, high=10_000, whole=True)] = 30
     noise: Positive = 0.5
@@ -162,6 +163,11 @@ class FitFile(Section):
     touch: Mapping[Name, TouchSection] = {}
     recording: RecordingSection | None = None
     opening: OpeningSection | None = None
+
+    @property
+    def by_reduced(self) -> bool:
+        """Whether what the data leave open is told by derivatives of the reduced tongue."""
+        return self.begin == "live" and self.slopes == "reduced"
 
     @property
     def aims(self) -> list[str]:
@@ -211,13 +217,15 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         raise InputError(f"{path}: {'muscles' if file.aims else 'target'}: at least one is expected.")
     if len(set(file.aims)) < len(file.aims):
         raise InputError(f"{path}: two of {', '.join(sorted(file.aims))} have one name; names of their own are expected.")
-    paths, contours = {}, {}
+    paths, contours, told = {}, {}, file.recording
     for name, section in file.target.items():
         table = path.parent / section.table
         rows = _rows_of(table, 4, "four columns, time in s and displacement backward, to the right and up,")
         with within(table):
             paths[name] = Track(rows[:, 0], UNITS[section.unit] * rows[:, 1:], name)
     scenario = scenario_of(*base_of(file.base, path, changes), f"{path}: base")
+    if file.slopes == "full" and (file.begin != "live" or len(file.aims) > len(file.target) + len(told.sensor if told else ())):
+        raise InputError(f'{path}: slopes: "full" goes on from begin = "live", with tables of points as targets only.')
     if file.opening is not None and (file.begin != "live" or file.iterations > 0):
         raise InputError(f'{path}: opening: an angle is found with begin = "live" and iterations = 0 only.')
     if (file.opening or (file.recording and file.recording.jaw)) and JAW in scenario.boundary.moving:
@@ -226,7 +234,7 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
     if file.opening and file.recording and file.recording.jaw:
         raise InputError(f"{path}: opening: the {JAW} moves already, as recording.jaw says; one of both is expected.")
     recording = None
-    if (told := file.recording) is not None:
+    if told is not None:
         columns = {name: sensor.columns for name, sensor in told.sensor.items()} | ({TOOTH: told.jaw.columns} if told.jaw else {})
         frame, table = Frame(told.unit, told.axes), path.parent / told.table
         recording = Recording.read(table, told.time, columns, frame, told.rest, told.begin, told.lead)

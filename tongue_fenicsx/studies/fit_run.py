@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,10 @@ from ..analysis.airway import WALLS, wall_of
 from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
 from ..analysis.tongue_grid import cut
 from ..analysis.trajectories import write_places
-from ..core.errors import InputError
+from ..core.errors import InputError, SolveError
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
+from ..core.types import Floats
 from ..geometry.surface import Surface
 from ..plotting.fit_sheet import draw_contours, draw_fit
 from ..reduced.tongue import ReducedTongue
@@ -31,10 +33,11 @@ from ..simulation.probes import Probes
 from ..simulation.simulation import Simulation
 from . import fitting
 from .articulography import behind_tip, lay
+from .beside import BASE, Beside, nearby
 from .fit_file import JAW, TOOTH, Task
-from .fitting import Fit, Opening, Surrogate
+from .fitting import OPENING, Fit, Opening, Surrogate
 from .goals import Constriction, Contour, Cover, Goal, Touch, Within, outline_of, skin_of
-from .openness import Openness, by_reduced, by_runs, nearby, openness
+from .openness import Openness, by_reduced, measured, openness
 from .pool import Workers, perform, results
 from .shapes import spread, spread_in_plane
 
@@ -148,48 +151,151 @@ def goals_of(task: Task, simulation: Simulation, say: Callable[[str], object]) -
     return goals
 
 
-def fit(task: Task, output: Path, report: Callable[[Fit], object], say: Callable[[str], object]) -> Fit:
-    """Fit, leave the best so far in the folder whenever it is better, and the run of the best at the end, with a picture of contours; goes
-    on from what is there."""
-    output.mkdir(parents=True, exist_ok=True)
-    scenario, file, rank = task.scenario, task.file, MPI.COMM_WORLD.rank
-    goals = goals_of(task, plain := simulation_of(scenario, output), say)
-    told, turning = file.opening, plain.model.moving.get(JAW)
-    opening = Opening(JAW, turning, told.rise, told.most) if told and turning else None
-    simulation, search = fitting.following(plain, goals), task.search(goals, opening)
-    given = {name: course for name, course in activation_of(scenario).items() if name not in file.muscles}
-    best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
-    angle = best.boundary.moving[JAW].angle[-1][2] if opening and best and JAW in best.boundary.moving else 0.0
-    start = {} if best is None else {n: np.array([c(t) for t in task.knots]) for n, c in activation_of(best).items() if n in file.muscles}
+class FitRun:
+    """A fit and what it leaves in its folder, which may hold an earlier one's best: it goes on from there.
 
-    def keep(found: Fit) -> None:
-        if rank == 0:
-            with at_once(output / BEST) as path:
-                path.write_text(dump(_with(scenario, found, opening)), encoding="utf-8")
-            new = not (output / PROGRESS).exists()
-            with open(output / PROGRESS, "a", newline="", encoding="utf-8") as table:
+    Parameters
+    ----------
+    task : Task
+        Glued.
+    output : Path
+        The folder.
+    report : callable
+        Takes the best so far, whenever it is better.
+    say : callable
+        Takes sentences.
+
+    Raises
+    ------
+    InputError
+        If a goal, a muscle or the mesh does not fit.
+    """
+
+    def __init__(self, task: Task, output: Path, report: Callable[[Fit], object], say: Callable[[str], object]) -> None:
+        output.mkdir(parents=True, exist_ok=True)
+        self.task, self.output, self.report = task, output, report
+        scenario, told = task.scenario, task.file.opening
+        self._plain = simulation_of(scenario, output)
+        self._goals = goals_of(task, self._plain, say)
+        turning = self._plain.model.moving.get(JAW)
+        self.opening = Opening(JAW, turning, told.rise, told.most) if told and turning else None
+        self._simulation = fitting.following(self._plain, self._goals)
+        self._search = task.search(self._goals, self.opening)
+        self._given = {name: course for name, course in activation_of(scenario).items() if name not in task.file.muscles}
+
+    @cached_property
+    def _surrogate(self) -> Surrogate:
+        return Surrogate(ReducedTongue.shipped(self.task.scenario.tissue.preset), self._search, self._simulation.probes.rest)
+
+    def seek(self) -> Fit:
+        """Search as the file says, and leave the best so far whenever it is better."""
+        file, output = self.task.file, self.output
+        best = scenario_of(read_toml(output / BEST, "a scenario"), output, str(output / BEST)) if (output / BEST).exists() else None
+        angle = best.boundary.moving[JAW].angle[-1][2] if self.opening and best and JAW in best.boundary.moving else 0.0
+        courses = {} if best is None else {name: course for name, course in activation_of(best).items() if name in file.muscles}
+        start = {name: np.array([course(t) for t in self.task.knots]) for name, course in courses.items()}
+        if file.begin == "live":
+            found = self._correct(start or fitting.guess(self._surrogate), angle)
+            start = found.levels
+        if file.begin != "live" or file.iterations > 0:
+            search, given = self._search, self._given
+            found = fitting.fit(self._simulation, search, given=given, start=start, iterations=file.iterations, report=self._keep)
+        return found
+
+    def _correct(self, start: Mapping[str, Floats], angle: float, slopes: Floats | None = None) -> Fit:
+        return fitting.correct(
+            self._simulation,
+            self._surrogate,
+            start,
+            given=self._given,
+            angle=angle,
+            rounds=self.task.file.rounds,
+            slopes=slopes,
+            report=self._keep,
+        )
+
+    def _keep(self, found: Fit) -> None:
+        if MPI.COMM_WORLD.rank == 0:
+            with at_once(self.output / BEST) as path:
+                path.write_text(dump(self._with(found)), encoding="utf-8")
+            new = not (self.output / PROGRESS).exists()
+            with open(self.output / PROGRESS, "a", newline="", encoding="utf-8") as table:
                 writer = csv.writer(table)
                 if new:
                     writer.writerow(["evaluation", "objective_mm2", *(f"{name}_mm" for name in found.distance)])
                 writer.writerow([found.evaluations, f"{found.objective:.6g}", *(f"{d:.6g}" for d in found.distance.values())])
-            report(found)
+            self.report(found)
 
-    if file.begin == "live":
-        surrogate = Surrogate(ReducedTongue.shipped(scenario.tissue.preset), search, simulation.probes.rest)
-        found = fitting.correct(
-            simulation, surrogate, start or fitting.guess(surrogate), given=given, angle=angle, rounds=file.rounds, report=keep
-        )
-        start = found.levels
-    if file.begin != "live" or file.iterations > 0:
-        found = fitting.fit(simulation, search, given=given, start=start, iterations=file.iterations, report=keep)
-    last = _with(scenario, found, opening)
-    inputs = inputs_of(last, simulation.model.tongue)
-    if opening:
-        opening.move(plain, found.angle)
-    plain.run(activation_of(last), scenario.time.end, output / RUN, overwrite=True, inputs=inputs)
-    if contours := {name: goal for name, goal in goals.items() if isinstance(goal, Contour)}:
-        on_rank_zero(MPI.COMM_WORLD, lambda: _draw(Run(output / RUN), contours, found, output / CONTOURS))
-    return found
+    def _with(self, found: Fit) -> Scenario:
+        """The scenario with the activations that were found, and the opening."""
+        data = self.task.scenario.model_dump(exclude_none=True)
+        for name, course in found.activation.items():
+            data["activation"][name] = {"pieces": course.description(found.knots[-1])}
+        if self.opening is not None:
+            data["boundary"]["moving"][JAW]["angle"] = self.opening.motion_by(found.angle).angle
+        return Scenario.model_validate(data)
+
+    def look_beside(self, found: Fit, workers: Workers) -> Beside:
+        """The runs of the full tongue whose derivatives are needed: none for levels where the reduced one's are taken."""
+        file, runs = self.task.file, dict[str, Run | SolveError]()
+        moved = {name: fit for name, (fit, _) in nearby(found, self._search).items() if name == OPENING or not file.by_reduced}
+        if moved and self.task.paths:
+            cases = {name: (self._with(fit), {"moved": name}) for name, fit in {BASE: found, **moved}.items()}
+            runs = results(perform(self.output / NEARBY, cases, workers))
+        return Beside(found, self._search, runs)
+
+    def finish(self, beside: Beside) -> Fit:
+        """Go on with derivatives of the full tongue, from what the runs are beside.
+
+        Raises
+        ------
+        SolveError
+            If one of the runs failed.
+        """
+        slopes = np.array(list(beside.slopes(self._surrogate.along).values()))
+        return self._correct(beside.found.levels, beside.found.angle, slopes)
+
+    def leave(self, found: Fit) -> None:
+        """Leave the run of a fit, with a picture of contours."""
+        last, plain, folder = self._with(found), self._plain, self.output / RUN
+        if self.opening:
+            self.opening.move(plain, found.angle)
+        plain.run(activation_of(last), last.time.end, folder, overwrite=True, inputs=inputs_of(last, plain.model.tongue))
+        if contours := {name: goal for name, goal in self._goals.items() if isinstance(goal, Contour)}:
+            on_rank_zero(MPI.COMM_WORLD, lambda: _draw(Run(folder), contours, found, self.output / CONTOURS))
+
+    def look_around(self, found: Fit, beside: Beside) -> Openness:
+        """What the tables leave open, by the derivatives of `beside`, or the reduced tongue's where those are taken; leaves a table and a
+        picture.
+
+        Raises
+        ------
+        SolveError
+            If one of the runs failed.
+        """
+        paths, run = self.task.paths, Run(self.output / RUN)
+        by_runs = beside.slopes(lambda run: measured(paths, run))
+        if self.task.file.by_reduced:
+            search = self.task.search(paths, self.opening)
+            slopes = by_reduced(found, paths, replace(self._surrogate, search=search, probes={name: run.rest[name] for name in paths}))
+            slopes[len(slopes) - len(by_runs) :] = list(by_runs.values()) or slopes[:0]
+        else:
+            slopes = np.array(list(by_runs.values()))
+
+        def look() -> Openness:
+            known = openness(found, paths, self.task.file.noise, slopes, self.opening)
+            known.write(self.output / OPEN)
+            levels = {}
+            for name, at in found.levels.items():
+                low, high = (np.append(0.0, np.broadcast_to(bound, len(at) - 1)) for bound in known.interval(name))
+                levels[name] = at, low, high
+            wanted = {name: (path.times, np.asarray(path.displacement)) for name, path in paths.items()}
+            write_places({name: (times, run.rest[name] + u) for name, (times, u) in wanted.items()}, self.output / PATHS)
+            draw_fit(run, found.knots, levels, wanted, found.distance, self.output / SHEET)
+            return known
+
+        known: Openness = on_rank_zero(MPI.COMM_WORLD, look)
+        return known
 
 
 def _draw(run: Run, contours: Mapping[str, Contour], found: Fit, path: Path) -> None:
@@ -202,39 +308,6 @@ def _draw(run: Run, contours: Mapping[str, Contour], found: Fit, path: Path) -> 
     draw_contours(run, laid, path)
 
 
-def look_around(task: Task, found: Fit, output: Path, workers: Workers) -> Openness:
-    """What the tables leave open, as the reduced tongue says where a fit began with it, else by runs beside that of the fit; leaves a table
-    and a picture.
-
-    Raises
-    ------
-    SolveError
-        If one of the runs fails.
-    """
-    run = Run(output / RUN)
-    if task.file.begin == "live":
-        tongue = ReducedTongue.shipped(task.scenario.tissue.preset)
-        slopes = by_reduced(found, task.paths, Surrogate(tongue, task.search(task.paths), {name: run.rest[name] for name in task.paths}))
-    else:
-        cases = {name: (_with(task.scenario, replace(found, levels=levels)), {"moved": name}) for name, levels in nearby(found)}
-        slopes = by_runs(found, task.paths, run, results(perform(output / NEARBY, cases, workers)))
-
-    def look() -> Openness:
-        known = openness(found, task.paths, task.file.noise, slopes)
-        known.write(output / OPEN)
-        levels = {}
-        for name, at in found.levels.items():
-            low, high = (np.append(0.0, np.broadcast_to(bound, len(at) - 1)) for bound in known.interval(name))
-            levels[name] = at, low, high
-        paths = {name: (path.times, np.asarray(path.displacement)) for name, path in task.paths.items()}
-        write_places({name: (times, run.rest[name] + u) for name, (times, u) in paths.items()}, output / PATHS)
-        draw_fit(run, found.knots, levels, paths, found.distance, output / SHEET)
-        return known
-
-    known: Openness = on_rank_zero(MPI.COMM_WORLD, look)
-    return known
-
-
 def farthest(task: Task, output: Path) -> dict[str, tuple[float, float]]:
     """How far each probe is at most from its path in the run of the best, in mm, and when, in s."""
     run, most = Run(output / RUN), {}
@@ -243,13 +316,3 @@ def farthest(task: Task, output: Path) -> dict[str, tuple[float, float]]:
         away = 1e3 * np.linalg.norm(run.probes[name] - np.array([path.at(t) for t in run.time]), axis=1) * counts
         most[name] = float(away.max()), float(run.time[away.argmax()])
     return most
-
-
-def _with(scenario: Scenario, found: Fit, opening: Opening | None = None) -> Scenario:
-    """A scenario with the activations that were found, and the opening."""
-    data = scenario.model_dump(exclude_none=True)
-    for name, course in found.activation.items():
-        data["activation"][name] = {"pieces": course.description(found.knots[-1])}
-    if opening is not None:
-        data["boundary"]["moving"][JAW]["angle"] = opening.motion_by(found.angle).angle
-    return Scenario.model_validate(data)

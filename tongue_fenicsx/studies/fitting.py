@@ -26,8 +26,8 @@ GUESS_STEP, NUDGE = 0.025, 1e-5
 GUESSES, INNER, SHARES, ENOUGH, LEAST = 20, 200, (1.0, 0.5, 0.25, 0.1), 1e-3, 0.03
 """Of Gauss–Newton: iterations at most, those of the problem that is linear in displacements, shares of a step that are tried with the
 reduced tongue, the share of the value below which less is no gain, and the least share of a step that is tried with the full one."""
-OPENED = 0.05
-"""The share of the greatest angle by which an opening is moved to see what that does."""
+OPENED, OPENING = 0.05, "opening"
+"""The share of the greatest angle by which an opening is moved to see what that does, and the name of that number."""
 NEAR = 2e-3
 """In m: how far a probe may be from a node of the reduced tongue."""
 
@@ -168,6 +168,16 @@ class Search:
     def size(self) -> int:
         """How many numbers are sought: of the levels, and of an opening."""
         return len(self.muscles) * (1 if self.hold else len(self.knots) - 1) + (self.opening is not None)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the numbers: muscle and knot, and `OPENING`."""
+        knots = [len(self.knots) - 1] if self.hold else range(1, len(self.knots))
+        return [f"{name}-{k}" for name in self.muscles for k in knots] + [OPENING] * (self.opening is not None)
+
+    def moved(self, found: Fit, x: Floats) -> Fit:
+        """A fit with other numbers."""
+        return replace(found, levels=dict(zip(self.muscles, self.levels(x), strict=True)), angle=self.angle(x))
 
     def goals(self) -> Goals:
         """The goals, of a run that is to begin."""
@@ -342,12 +352,13 @@ class Surrogate:
                 by_u[i, p] = pull.get(name, 0.0)
         return total, self.search.numbers_from(by_levels), by_u
 
-    def step(self, x: Floats, u: Floats, by_opening: Floats | None = None) -> Floats:
-        """Numbers that would be best if displacements went on from `u` at `x` as the reduced tongue's do, and as `by_opening` says of the
-        last number (Gauss–Newton)."""
-        slopes = self.slopes(x)
-        if by_opening is not None:
-            slopes[-1] = by_opening
+    def along(self, run: Run) -> Floats:
+        """Displacement (n_times, n_probes, 3) in m of the probes in a run."""
+        return np.stack([np.column_stack([np.interp(self.times, run.time, u) for u in run.probes[name].T]) for name in self.probes], axis=1)
+
+    def step(self, x: Floats, u: Floats, slopes: Floats) -> Floats:
+        """Numbers that would be best if displacements went on from `u` at `x` with `slopes` (n, n_times, n_probes, 3) by each
+        (Gauss–Newton)."""
 
         def value(y: Floats) -> tuple[float, Floats]:
             total, by, by_u = self.value(y, u + np.tensordot(y - x, slopes, axes=1))
@@ -371,7 +382,7 @@ def guess(surrogate: Surrogate, tries: int = 3, seed: int = 0) -> dict[str, Floa
             x[-1] = 0.0  # of which the reduced tongue does not know
         value, u = at(x)
         for _ in range(GUESSES):
-            way = surrogate.step(x, u) - x
+            way = surrogate.step(x, u, surrogate.slopes(x)) - x
             better = ((x + share * way, *at(x + share * way)) for share in SHARES)
             y, lower, moved = next((tried for tried in better if tried[1] < value), (x, value, u))
             if value - lower < ENOUGH * value:
@@ -389,6 +400,7 @@ def correct(
     given: Mapping[str, Course] | None = None,
     angle: float = 0.0,
     rounds: int = 6,
+    slopes: Floats | None = None,
     report: Callable[[Fit], object] | None = None,
 ) -> Fit:
     """Gauss–Newton with what the full tongue does and how the reduced one says that it would change: a run a round, without a gradient.
@@ -408,6 +420,8 @@ def correct(
         In degrees, of an opening to begin with.
     rounds : int
         At most.
+    slopes : (n, n_times, n_probes, 3) array, optional
+        How it would change, from runs of the full tongue, for all rounds.
     report : callable, optional
         Takes the best so far, whenever it is better.
 
@@ -418,17 +432,13 @@ def correct(
     SolveError
         If the first run fails.
     """
-    search, times, opening = surrogate.search, surrogate.times, surrogate.search.opening
+    search, opening = surrogate.search, surrogate.search.opening
 
     def follow(x: Floats) -> Run:
         if opening is not None:
             opening.move(simulation, search.angle(x))
         named = dict(zip(search.muscles, search.levels(x), strict=True))
         return simulation.run(dict(given or {}) | courses(search.knots, named), search.end)
-
-    def displacement(run: Run) -> Floats:  # (n_times, n_probes, 3)
-        along = [[np.interp(times, run.time, u) for u in run.probes[name].T] for name in surrogate.probes]
-        return np.moveaxis(np.array(along), -1, 0)
 
     best: Fit | None = None
     x = tried = search.begin(start, angle)
@@ -450,16 +460,17 @@ def correct(
             best = Fit(search.knots, named, of.distance, value, evaluations, hold=search.hold, angle=search.angle(tried))
             if report is not None:
                 report(best)
-            x, u, by_opening = tried, displacement(run), None
-            if opening is not None:
+            x, u = tried, surrogate.along(run)
+            by = surrogate.slopes(x) if slopes is None else slopes
+            if opening is not None and slopes is None:
                 nudge = OPENED if x[-1] < 0.5 else -OPENED
-                by_opening = (displacement(follow(np.append(x[:-1], x[-1] + nudge))) - u) / nudge
-            way = surrogate.step(x, u, by_opening) - x
+                by[-1] = (surrogate.along(follow(np.append(x[:-1], x[-1] + nudge))) - u) / nudge
+            way = surrogate.step(x, u, by) - x
         elif (share := share / 3) < LEAST:
             break
         tried = x + share * way
     assert best is not None
-    reason = "the rounds are over" if share >= LEAST else "no step that the reduced tongue knows is better"
+    reason = "the rounds are over" if share >= LEAST else "no step that these derivatives know is better"
     return replace(best, evaluations=evaluations, reason=reason)
 
 

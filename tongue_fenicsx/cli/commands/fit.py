@@ -55,7 +55,13 @@ def fit(
     try:
         with within(file):
             task = fit_run.glue(task, output, console.print)
-            found = fit_run.fit(task, output, say, console.print)
+            fitting = fit_run.FitRun(task, output, say, console.print)
+            found = fitting.seek()
+            with RunsBar(console, rank == 0) as bar:
+                beside = fitting.look_beside(found, Workers(jobs, overwrite=True, report=bar))
+            if task.file.slopes == "full":
+                found = fitting.finish(beside)
+            fitting.leave(found)
     except Interrupted as signal:
         if not (best := output / fit_run.BEST).exists():
             raise
@@ -68,8 +74,7 @@ def fit(
             console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
     if not task.paths:  # bounds and constrictions are no data
         return
-    with RunsBar(console, rank == 0) as bar:
-        known = fit_run.look_around(task, found, output, Workers(jobs, overwrite=True, report=bar))
+    known = fitting.look_around(found, beside)
     if rank == 0:
         for line in _words(known):
             console.print(line)
@@ -80,11 +85,14 @@ def fit(
 
 def _words(known: Openness) -> Iterator[str]:
     """What is sure and what is not, a line for each muscle and each combination that is open."""
+    from ...studies.fitting import OPENING
+
     for name, levels in known.levels.items():
+        scale, unit = (known.most, "°") if name == OPENING else (1.0, "")
         bounds = zip(levels, *known.interval(name), strict=True)
-        yield f"  {name}: " + ", ".join(f"{level:.2f} ({low:.2f} to {high:.2f})" for level, low, high in bounds)
-        if (at := known.knots[levels >= 1 - 1e-3]).size:
-            yield f"  {name} pulls as hard as it may at {', '.join(f'{1e3 * t:.0f}' for t in at)} ms"
+        yield f"  {name}: " + ", ".join(f"{scale * at:.2f}{unit} ({scale * low:.2f} to {scale * high:.2f})" for at, low, high in bounds)
+        if (most := known.times[name][levels >= 1 - 1e-3]).size:
+            yield f"  {name} {'is as far as' if unit else 'pulls as hard as'} it may at {', '.join(f'{1e3 * t:.0f}' for t in most)} ms"
     yield f"with {known.noise:.2g} mm of noise {known.determined} of {len(known.combinations)} combinations of levels are determined"
     left = known.open_ones()
     yield from (f"  open: {words}" for words in left[:SAID])
