@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""``python -m benchmarks.twins [--seeds FIRST LAST]``: muscles from a movement whose muscles are known.
+"""``python -m benchmarks.twins [--seeds FIRST LAST] [--jobs N]``: muscles from a movement whose muscles are known.
 
 Eleven muscles at random (knots every 50 ms, levels to 0.5) move the coarse tongue among all bones for 300 ms; the paths of five points,
-each coordinate every 10 ms with 0.2 mm of noise, are what the fit sees. It begins with the reduced tongue, which also says what the data
-leave open. Of the combinations of levels that they determine, and of intervals, the table says how far from the truth they are.
+each coordinate every 10 ms with 0.2 mm of noise, are what the fit sees. It begins with the reduced tongue; runs beside what that finds
+correct it and say what the data leave open. Of the combinations of levels that they determine, and of intervals, the table says how far
+from the truth they are.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -19,9 +22,11 @@ from tongue_fenicsx.reduced.tongue import ReducedTongue
 from tongue_fenicsx.scenario.build import activation_of, simulation_of
 from tongue_fenicsx.scenario.schema import Scenario
 from tongue_fenicsx.studies import designs
-from tongue_fenicsx.studies.fitting import Search, Surrogate, correct, fit, guess
+from tongue_fenicsx.studies.fit_file import SLOPES, FitFile, Task
+from tongue_fenicsx.studies.fit_run import FitRun
 from tongue_fenicsx.studies.goals import Track
-from tongue_fenicsx.studies.openness import DETERMINED, by_reduced, openness
+from tongue_fenicsx.studies.openness import DETERMINED, openness
+from tongue_fenicsx.studies.pool import Workers
 
 from . import measure
 from .__main__ import FOLDER, say
@@ -34,7 +39,7 @@ HEAD = "seed, tip (mm), dorsum (mm), root (mm), left of the data (mm), combinati
 HEAD += "levels within their intervals, levels off (rms), runs, s"
 
 
-def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
+def twin(seed: int, muscles: list[str], slopes: str, jobs: int) -> list[str]:
     """A line of the table."""
     scenario = Scenario.model_validate(
         {
@@ -45,9 +50,7 @@ def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
             "contact": {name: {} for name in BONES},
         }
     )
-    (change,) = designs.random_activations(
-        tongue.muscles, 1, seed, END, level=(0.0, 0.5), spacing=(KNOT, 3 * KNOT), rest=0.5, hold=0.3, grid=KNOT
-    )
+    (change,) = designs.random_activations(muscles, 1, seed, END, level=(0.0, 0.5), spacing=(KNOT, 3 * KNOT), rest=0.5, hold=0.3, grid=KNOT)
     pieces = {key.removeprefix("activation."): {"pieces": value} for key, value in change.items()}
     truth = activation_of(Scenario.model_validate(scenario.model_dump(exclude_none=True) | {"activation": pieces}))
     begin = time.perf_counter()
@@ -58,14 +61,18 @@ def twin(seed: int, tongue: ReducedTongue, iterations: int) -> list[str]:
     for name, displacement in run.probes.items():
         place = np.column_stack([np.interp(times, run.time, along) for along in displacement.T])
         paths[name] = Track(times, place + 1e-3 * NOISE * random.standard_normal(place.shape), name)
-    search = Search(paths, tongue.muscles, np.linspace(0.0, END, round(END / KNOT) + 1))
-    surrogate = Surrogate(tongue, search, simulation.probes.rest)
-    found = correct(simulation, surrogate, guess(surrogate), report=lambda best: say(f"{seed}: {best.distance}"))
-    if iterations:
-        found = fit(simulation, search, start=found.levels, iterations=iterations)
+    file = FitFile(base=None, muscles=muscles, knots=KNOT, begin="live", slopes=slopes, iterations=0)
+    task = Task(file, scenario, paths, contours={}, surfaces={})
+    with TemporaryDirectory() as folder:
+        fitting = FitRun(task, Path(folder), lambda best: say(f"{seed}: {best.distance}"), say)
+        found = fitting.seek()
+        beside = fitting.look_beside(found, Workers(jobs))
+        if slopes == "full":
+            found = fitting.finish(beside)
+        by_numbers = fitting.slopes(found, beside)
     again = simulation.run(found.activation, END)
     off = [_rms(1e3 * np.linalg.norm(np.array([again.probes[n] - run.probes[n]]), axis=2)) for n in LOOKED_AT]
-    known = openness(found, paths, NOISE, by_reduced(found, paths, surrogate))
+    known = openness(found, paths, NOISE, by_numbers)
     wrong = {name: levels[1:] - [truth[name](t) for t in found.knots[1:]] for name, levels in found.levels.items()}
     sure = [
         sum(float(along @ wrong[name]) for name, along in shares.items()) for sigma, shares in known.combinations if sigma <= DETERMINED
@@ -87,11 +94,12 @@ def main() -> None:
     """Print the table as it comes."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.twins", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs=2, default=(1, 10), metavar=("FIRST", "LAST"))
-    parser.add_argument("--iterations", type=int, default=0, help="with gradients, after the rounds with the reduced tongue")
+    parser.add_argument("--slopes", choices=SLOPES, default="full", help="whether it stops with the reduced tongue")
+    parser.add_argument("--jobs", type=int, default=2, help="processes of the runs beside that of a fit")
     chosen = parser.parse_args()
-    tongue, rows = ReducedTongue.shipped(), []
+    muscles, rows = list(ReducedTongue.shipped().muscles), list[list[str]]()
     for seed in range(chosen.seeds[0], chosen.seeds[1] + 1):
-        rows.append(twin(seed, tongue, chosen.iterations))
+        rows.append(twin(seed, muscles, chosen.slopes, chosen.jobs))
         say(" | ".join(rows[-1]))
     print(markdown(HEAD.split(", "), rows))
 

@@ -264,23 +264,27 @@ class FitRun:
         if contours := {name: goal for name, goal in self._goals.items() if isinstance(goal, Contour)}:
             on_rank_zero(MPI.COMM_WORLD, lambda: _draw(Run(folder), contours, found, self.output / CONTOURS))
 
-    def look_around(self, found: Fit, beside: Beside) -> Openness:
-        """What the tables leave open, by the derivatives of `beside`, or the reduced tongue's where those are taken; leaves a table and a
-        picture.
+    def slopes(self, found: Fit, beside: Beside) -> Floats:
+        """Derivatives (n_numbers, n_measurements) in mm of what the tables have, from `beside` or, if those are taken, the reduced tongue.
 
         Raises
         ------
         SolveError
             If one of the runs failed.
         """
-        paths, run = self.task.paths, Run(self.output / RUN)
-        by_runs = beside.slopes(lambda run: measured(paths, run))
-        if self.task.file.by_reduced:
-            search = self.task.search(paths, self.opening)
-            slopes = by_reduced(found, paths, replace(self._surrogate, search=search, probes={name: run.rest[name] for name in paths}))
-            slopes[len(slopes) - len(by_runs) :] = list(by_runs.values()) or slopes[:0]
-        else:
-            slopes = np.array(list(by_runs.values()))
+        paths = self.task.paths
+        by_runs = np.array(list(beside.slopes(lambda run: measured(paths, run)).values()))
+        if not self.task.file.by_reduced:
+            return by_runs
+        places = {name: self._simulation.probes.rest[name] for name in paths}
+        slopes = by_reduced(found, paths, replace(self._surrogate, search=self.task.search(paths, self.opening), probes=places))
+        if len(by_runs):
+            slopes[-len(by_runs) :] = by_runs
+        return slopes
+
+    def look_around(self, found: Fit, beside: Beside) -> Openness:
+        """What the tables leave open; leaves a table and a picture. Raises as `slopes` does."""
+        paths, run, slopes = self.task.paths, Run(self.output / RUN), self.slopes(found, beside)
 
         def look() -> Openness:
             known = openness(found, paths, self.task.file.noise, slopes, self.opening)
