@@ -346,6 +346,12 @@ def test_goals_have_the_derivatives_of_their_values() -> None:
     assert together(0.2, 0.1, u) == (0.0, {})
     added = together(0.25, 0.1, u)[0]  # of the step only what is after 0.2 s counts: a quarter of the time
     assert added == pytest.approx(0.25 * np.mean([goal(0.25, u)[0] for goal in some.values()]))
+    more = goals.Goals({name: some[name] for name in ("path", "bounds")}, 0.0, 1.0, {"path": 3.0})
+    value, by = more(1.0, 1.0, u)
+    (path, by_path), (bounds, by_bounds) = (some[name](1.0, u) for name in ("path", "bounds"))
+    assert value == pytest.approx(0.75 * path + 0.25 * bounds)
+    np.testing.assert_allclose(by["tip"], 0.75 * by_path["tip"] + 0.25 * by_bounds["tip"])
+    assert more.distance == pytest.approx({"path": np.sqrt(path), "bounds": np.sqrt(bounds)})
 
 
 def test_goals_of_different_points_keep_their_own(tongue: tf.TongueMesh) -> None:
@@ -532,6 +538,7 @@ def test_sensors_of_a_speaker(tongue: tf.TongueMesh, tongue_file: Path, tmp_path
         ("TT_z", "gone", "no column 'gone'; it has t_s"),
         ('"ALS"', '"AAS"', "three letters are expected"),
         ("behind_tip = 10", "", "behind_tip"),
+        ("behind_tip = 10", "behind_tip = 10\nweight = 0", "recording.sensor.TT.weight: 0"),
         ("rest = 0.3", "rest = 9.0", "recording.rest: 9 s; a time from 0 to 0.3 s is expected"),
         ("lead = 0.02", "lead = 0.5", "recording.lead: 0.5 s; less than time.end, 0.04 s, is expected"),
         ("[recording]", "[base.boundary.moving.mandible]\nangle = [[0.1, 0.0, 3.0]]\n[recording]", "moves already"),

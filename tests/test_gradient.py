@@ -77,6 +77,38 @@ def test_by_numbers_of_the_tissue(form: str | None) -> None:
         bar.gradient(high, courses, 0.04, tissue=["young"])
 
 
+@pytest.mark.parallel
+@pytest.mark.parametrize("form", [None, "nitsche"])
+def test_by_what_a_run_begins_with(form: str | None) -> None:
+    """Slopes by displacement and velocity at t = 0, which is not rest, are what runs on both sides say; bones hold their nodes."""
+    bar, courses = bar_with(form), {"GGP_L": tf.ramp(0.02, 0.1, 0.5), "VERT_L": tf.Activation([(0.05, 0.2, 0.3)])}
+    points = bar.run(courses, 5e-3).mesh[0]
+    x, y, z = 50 * points.T  # 0 to 1 along the bar
+    bent = 1e-4 * np.column_stack([z * x**2, x**2 * y, 2 * x**2])
+    swung = 2e-2 * np.column_stack([x, -(x**2), x**2])
+    first = tf.Initial(bent, swung)
+
+    def high(t: float, h: float, probes: Mapping[str, Floats]) -> tuple[float, Mapping[str, Floats]]:
+        return 1e3 * h * float(probes["end"][2]), {"end": np.array([0.0, 0.0, 1e3 * h])}
+
+    found = bar.gradient(high, courses, 0.03, initial=first)
+    by_displacement, by_velocity = found.initial.displacement, found.initial.velocity
+    assert by_displacement is not None
+    assert by_velocity is not None
+    for by, along, more in ((by_displacement, bent, (1, 0)), (by_velocity, swung, (0, 1))):
+        nearby = [tf.Initial((1 + step * more[0]) * bent, (1 + step * more[1]) * swung) for step in (1e-4, -1e-4)]
+        up, down = (bar.gradient(high, courses, 0.03, initial=initial).value for initial in nearby)
+        assert (by * along).sum() == pytest.approx((up - down) / 2e-4, rel=1e-3)
+        assert abs(by[x < 1e-9]).max() == 0.0
+    assert bar.gradient(high, courses, 0.03).value != pytest.approx(found.value, rel=0.1)
+    at_rest = bar.run(courses, 5e-3, initial=tf.Initial())
+    assert at_rest.field("displacement")[x > 0.5] == pytest.approx(bar.run(courses, 5e-3).field("displacement")[x > 0.5])
+    with pytest.raises(tf.InputError, match=r"initial.velocity: shape \(3, 3\)"):
+        bar.run(courses, 0.03, initial=tf.Initial(velocity=np.zeros((3, 3))))
+    with pytest.raises(tf.InputError, match="initial: a run in a folder begins at rest"):
+        bar.run(courses, 0.03, output="nowhere", initial=first)
+
+
 def test_by_knots() -> None:
     """Derivatives by the levels of steps are shared among the knots beside them."""
     of_steps = Gradient(0.0, np.array([0.0, 0.1, 0.2, 0.3]), {"GGP_L": np.array([1.0, 2.0, 4.0, 8.0])})

@@ -30,6 +30,7 @@ from .plotting.movie import draw_movie as draw_movie
 from .plotting.response_curves import draw_responses as draw_responses
 from .runs.figures import figure as figure
 from .runs.run import Run as Run
+from .simulation.initial import Initial as Initial
 from .simulation.quantities import field as field
 from .simulation.quantities import history as history
 from .simulation.quantities import summary as summary

@@ -8,6 +8,7 @@ __all__ = [
     "engine",
     "fields",
     "gradient",
+    "initial",
     "loop",
     "probes",
     "quadrature_points",

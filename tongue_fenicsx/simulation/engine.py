@@ -4,7 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from ..core.types import Floats
 from ..forms.weak_form import WeakForm
 from ..mechanics.model import Model
 from ..solvers.adjoint import Adjoint
@@ -59,7 +63,7 @@ class Engine:
             else GeneralizedAlpha(weak.u, stepping.spectral_radius, weak.pressure)
         )
         self.equations = Equations(weak, scheme)
-        self._rest = scheme.state
+        self._rest = self._first = scheme.state
         self.beginning: tuple[State, Mapping[str, float]] = scheme.state, {}
         self._newton = Newton(self.equations, tolerances, lambda line: self.log(line))
         self._sensors = Sensors(self.equations, probes)
@@ -96,13 +100,20 @@ class Engine:
         """The linear solver that should serve."""
         return self._newton.ladder[0]
 
-    def rest(self) -> Snapshot:
-        """Rest, with all muscles relaxed."""
-        self.equations.restore(self._rest)
+    def set_out(self, u: Floats | None, v: Floats | None) -> None:
+        """Let the next run begin with a displacement in m and a velocity in m/s (local, flat), nil where bones hold the tongue; without
+        both at rest."""
+        free = np.ones(len(self._rest.u))
+        free[self.weak.fixed_dofs] = 0.0
+        self._first = replace(self._rest, u=self._rest.u if u is None else free * u, v=self._rest.v if v is None else free * v)
+
+    def first(self) -> Snapshot:
+        """The first state, rest as a rule, with all muscles relaxed."""
+        self.equations.restore(self._first)
         return Snapshot(self._sensors, dict.fromkeys(self.weak.slots.names, 0.0))
 
     def start(self, levels: Mapping[str, float]) -> Snapshot:
-        """Begin at rest at t = 0 with muscles at `levels`."""
+        """Begin with the first state at t = 0 with muscles at `levels`."""
         return self._start(levels, levels)
 
     def start_calmly(self, levels: Mapping[str, float]) -> Snapshot:
@@ -111,7 +122,7 @@ class Engine:
         return self._start(levels, {})
 
     def _start(self, levels: Mapping[str, float], accelerating: Mapping[str, float]) -> Snapshot:
-        self.equations.restore(self._rest)
+        self.equations.restore(self._first)
         self.equations.at(0.0, accelerating)
         if not self._quasi_static:
             set_initial_acceleration(self.equations, self._tolerances.atol)

@@ -12,6 +12,7 @@ from ..core.types import Floats
 from ..solvers.adjoint import Adjoint, Costate
 from ..solvers.time_integration import State
 from .engine import Engine
+from .initial import Initial
 from .snapshot import Snapshot
 
 Objective = Callable[[float, float, Mapping[str, Floats]], tuple[float, Mapping[str, Floats]]]
@@ -33,12 +34,16 @@ class Gradient:
         Muscle, with its side, to the derivatives (n + 1,) by its activation at these times.
     tissue : dict
         Number of the tissue to the derivative by it, of those that were asked for.
+    initial : Initial
+        The derivatives (n, 3) by the displacement and by the velocity of each node with which the run began, on all ranks; nil where bones
+        hold the tongue, and in equilibria.
     """
 
     value: float
     times: Floats
     levels: dict[str, Floats]
     tissue: dict[str, float] = field(default_factory=dict)
+    initial: Initial = field(default_factory=Initial)
 
     def by_knots(self, muscle: str, knots: Floats) -> Floats:
         """Derivatives (n,) by the levels at knots (n,) in s between which the activation of a muscle (with its side) is straight."""
@@ -80,8 +85,10 @@ def go_back(engine: Engine, adjoint: Adjoint, recorded: Recorder, numbers: Seque
         found.append(by_level)
         if numbers:
             by_tissue += adjoint.by_numbers(numbers, before, after, at)
-    found.append(adjoint.begin(costate, start, levels) if levels else np.zeros_like(by_level))
+    costate, by_level = adjoint.begin(costate, start, levels)
+    found.append(by_level)
     by_level = np.array(found[::-1])
     by_muscle = dict(zip(engine.weak.slots.names, by_level.T, strict=True))
     by_number = dict(zip(numbers, map(float, by_tissue), strict=True))
-    return Gradient(recorded.value, np.array([state.t for state in states]), by_muscle, by_number)
+    initial = Initial.gathered(V, costate.u, costate.v)
+    return Gradient(recorded.value, np.array([state.t for state in states]), by_muscle, by_number, initial)

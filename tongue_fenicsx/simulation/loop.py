@@ -79,11 +79,11 @@ class Loop:
         self._totals, self._calm = Totals(), False
 
     def begin(self, replace_old: Callable[[], object], clock: float) -> None:
-        """Begin at rest; `replace_old` makes way where the results go, `clock` is when setting up began."""
+        """Begin with the engine's first state; `replace_old` makes way where the results go, `clock` is when setting up began."""
         self._steps = StepControl(self._task.stepping, self._task.t_end, self._task.kinks)
         obstacles = {name: contact.obstacle.surface for name, contact in self._task.model.contacts.items()}
         self._writer.begin(self._steps.outputs, obstacles, replace_old)
-        self._now = self._engine.start(self._task.levels(0.0, self._engine.rest()))
+        self._now = self._engine.start(self._task.levels(0.0, self._engine.first()))
         self._record()
         self._output()
         self._set_clock(clock)

@@ -32,6 +32,7 @@ from . import fields, records, summary  # noqa: F401  the standard quantities re
 from .as_scenario import as_scenario
 from .engine import Engine
 from .gradient import Gradient, Objective, Recorder, go_back
+from .initial import Initial
 from .loop import Loop, Task
 from .probes import Probes
 from .quantities import FIELDS
@@ -100,8 +101,9 @@ class Simulation:
         after_step: Callable[[Snapshot], object] | None = None,
         inputs: Inputs | None = None,
         seed: int | None = None,
+        initial: Initial | None = None,
     ) -> Run:
-        """Simulate from rest to `t_end` seconds.
+        """Simulate from rest, or what is given instead, to `t_end` seconds.
 
         Parameters
         ----------
@@ -123,12 +125,15 @@ class Simulation:
             What the folder keeps to make the run again; by default the values of the simulation, told as a scenario.
         seed : int, optional
             Of the design that the run is part of, for its record.
+        initial : Initial, optional
+            Displacement and velocity with which it begins, of a run in memory.
 
         Raises
         ------
         InputError
-            If a muscle is not in the mesh, `t_end` is not positive, the folder cannot be written, belongs to another process or holds a run
-            that is neither to go on nor to be replaced, or there is nothing to resume.
+            If a muscle is not in the mesh, `t_end` is not positive, `initial` has another shape than the mesh or an output beside it, the
+            folder cannot be written, belongs to another process or holds a run that is neither to go on nor to be replaced, or there is
+            nothing to resume.
         SolveError
             If the solve fails at the smallest step; everything up to the last good state is saved.
         """
@@ -137,6 +142,8 @@ class Simulation:
             raise InputError(f"t_end: {t_end}; a positive number of seconds is expected.")
         if resume and output is None:
             raise InputError("resume: a run goes on from its folder; give output.")
+        if initial is not None and output is not None:
+            raise InputError("initial: a run in a folder begins at rest, as its scenario says; leave output out.")
         model, comm = self.model, self.model.tongue.comm
         if model.tongue is not self._tongue:
             raise InputError("model: it has another mesh than the simulation was made for; make another simulation.")
@@ -151,6 +158,7 @@ class Simulation:
                 log = Log(store.path / LOG if comm.rank == 0 else None)
             engine = self._prepare([name for names in sides.values() for name in names])
             engine.log = log.say
+            engine.set_out(*(initial or Initial()).on(engine.weak.V))
 
             def levels(t: float, now: Snapshot) -> dict[str, float]:
                 return {name: level for key, level in control.levels(t, now).items() for name in sides[key]}
@@ -184,6 +192,7 @@ class Simulation:
         activation: Mapping[str, Course | Callable[[float], float]],
         t_end: float,
         tissue: Sequence[str] = (),
+        initial: Initial | None = None,
     ) -> Gradient:
         """An objective of a run, and its derivatives by the activation of each muscle at each step: the discrete adjoint of the scheme in
         time, or of equilibria, with contact, force–length and force–velocity exact. The steps and how soft obstacles are count as given;
@@ -200,6 +209,8 @@ class Simulation:
         tissue : sequence of str
             Numbers of the tissue by which derivatives are wanted too: of its law (``c10``, ``c20``, ``nu``), ``density``, ``alpha``,
             ``beta``, or the name of a muscle for its peak stress; each costs two evaluations of the balance a step.
+        initial : Initial, optional
+            As of `run`.
 
         Raises
         ------
@@ -213,7 +224,7 @@ class Simulation:
         recorder, sides = Recorder(objective), resolve_sides(_control(activation), self.model)
         engine = self._prepare([name for names in sides.values() for name in names])
         adjoint = engine.adjoint  # where there is none, this says so before the run
-        self.run(activation, t_end, after_step=recorder.step)
+        self.run(activation, t_end, after_step=recorder.step, initial=initial)
         return go_back(engine, adjoint, recorder, tissue)
 
     def _told(self, control: Control, t_end: float) -> Inputs:

@@ -184,12 +184,26 @@ class Adjoint:
         self._stand(before, after, levels)
         return np.asarray(weak.V.mesh.comm.allreduce(found))
 
-    def begin(self, end: Costate, start: State, levels: Mapping[str, float]) -> Floats:
-        """What the initial acceleration, which muscles at `levels` cause, adds to the derivative by these."""
+    def begin(self, end: Costate, start: State, levels: Mapping[str, float]) -> tuple[Costate, Floats]:
+        """From the first state to what a run begins with, its displacement and velocity, from which and from muscles at `levels` the
+        acceleration followed; and the derivative (n_muscles,) by these, if there are any."""
+        nil = np.zeros_like(end.u)
+        if not isinstance(self._scheme, GeneralizedAlpha):
+            return Costate(nil, nil, nil, nil), np.zeros(len(self._weak.slots.names))
         self._equations.restore(start)
         self._equations.at(start.t, levels)
         self._multiplier.x.array[:] = accelerate(self._weak, (end.acceleration + end.auxiliary).reshape(-1, 3))
-        return self._by_level()
+        self._transposed.assemble()
+        A = self._transposed.matrix
+        x, b = A.createVecs()
+        x.array[:] = self._multiplier.x.array[: len(nil)]
+        A.mult(x, b)
+        u, v = end.u + b.array_r, end.v + assemble(self._by_v, *self._contact_by_v)
+        x.destroy()
+        b.destroy()
+        u[self._weak.fixed_dofs] = v[self._weak.fixed_dofs] = 0.0
+        by_level = self._by_level()
+        return Costate(u, v, nil, nil), by_level if levels else np.zeros_like(by_level)
 
     def _solve(self, right: Floats) -> None:
         """The multiplier λ, for which the transposed tangent times it is the `right` side."""

@@ -32,14 +32,20 @@ other can have."""
 BEGINS, SLOPES = ("flat", "live"), ("reduced", "full")
 
 
-class TargetSection(Section):
+class GoalSection(Section):
+    """How much a goal counts in the mean over all."""
+
+    weight: Positive = 1.0
+
+
+class TargetSection(GoalSection):
     """Where a probe should be: a table with time in s and displacement from rest, backward, to the right and up."""
 
     table: str
     unit: Annotated[str, OneOf(names=UNITS)] = "mm"
 
 
-class PointSection(Section):
+class PointSection(GoalSection):
     """Bounds in mm of the displacement of a probe, backward, to the right and up."""
 
     x: Span | None = None
@@ -47,7 +53,7 @@ class PointSection(Section):
     z: Span | None = None
 
 
-class ConstrictionSection(Section):
+class ConstrictionSection(GoalSection):
     """How near the tongue should come to walls of the airway in the mid-sagittal plane, in mm, and where along x."""
 
     walls: list[Name]
@@ -55,7 +61,7 @@ class ConstrictionSection(Section):
     x: Span | None = None
 
 
-class ContourSection(Section):
+class ContourSection(GoalSection):
     """A mid-sagittal contour: a table of x and z. A `free` one may be turned and shifted to where it is nearest."""
 
     table: str
@@ -63,7 +69,7 @@ class ContourSection(Section):
     free: Flag = False
 
 
-class SurfaceSection(Section):
+class SurfaceSection(GoalSection):
     """The whole surface, or a part of it, where its axes point and its mid-plane is (in its unit), and how many places count, spread over
     it or along its mid-sagittal contour. With one of the same speaker at rest it is laid on the tongue as that one is on ours."""
 
@@ -84,14 +90,14 @@ class SurfaceSection(Section):
         return self
 
 
-class TouchSection(Section):
+class TouchSection(GoalSection):
     """Electrodes of the palate that should be touched: rows from the front, columns from the left, counted from 1."""
 
     rows: list[Annotated[int, Real(low=1, high=8, whole=True)]]
     columns: list[Annotated[int, Real(low=1, high=8, whole=True)]] | None = None
 
 
-class SensorSection(Section):
+class SensorSection(GoalSection):
     """A sensor glued to the tongue: the columns of its place, and where it is on ours: so many mm behind the tip along the mid-line of the
     dorsum, or at a point in mm of the rest shape or a landmark."""
 
@@ -170,10 +176,13 @@ class FitFile(Section):
         return self.begin == "live" and self.slopes == "reduced"
 
     @property
-    def aims(self) -> list[str]:
-        """Names of all that is to be reached."""
-        sensors = self.recording.sensor if self.recording else ()
-        return [*self.target, *self.point, *self.constriction, *self.contour, *self.surface, *self.touch, *sensors]
+    def aims(self) -> list[tuple[str, GoalSection]]:
+        """All that is to be reached, with names."""
+        sensors = self.recording.sensor if self.recording else dict[Name, SensorSection]()
+        groups: tuple[Mapping[Name, GoalSection], ...] = (
+            self.target, self.point, self.constriction, self.contour, self.surface, self.touch, sensors,
+        )  # fmt: skip
+        return [named for group in groups for named in group.items()]
 
 
 @dataclass(frozen=True)
@@ -190,7 +199,8 @@ class Task:
     def search(self, goals: Mapping[str, Goal], opening: Opening | None = None) -> Search:
         """What is sought, with these goals."""
         terms = {name: getattr(self.file, name) for name in ("hold", "since", "most", "effort", "haste")}
-        return Search(goals, self.file.muscles, self.knots, **terms, opening=opening)
+        weights = {name: section.weight for name, section in self.file.aims}
+        return Search(goals, self.file.muscles, self.knots, **terms, opening=opening, weights=weights)
 
     @property
     def knots(self) -> Floats:
@@ -215,8 +225,9 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         raise InputError(f"{path}: {explain(error, FitFile)}") from error
     if not file.aims or not file.muscles:
         raise InputError(f"{path}: {'muscles' if file.aims else 'target'}: at least one is expected.")
-    if len(set(file.aims)) < len(file.aims):
-        raise InputError(f"{path}: two of {', '.join(sorted(file.aims))} have one name; names of their own are expected.")
+    names = [name for name, _ in file.aims]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: two of {', '.join(sorted(names))} have one name; names of their own are expected.")
     paths, contours, told = {}, {}, file.recording
     for name, section in file.target.items():
         table = path.parent / section.table

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -134,6 +134,8 @@ class Search:
         Weights in mm².
     opening : Opening, optional
         Its angle, as a share of the greatest, is the last of the numbers.
+    weights : mapping
+        Name to how much a goal counts in the mean, 1 without.
 
     Raises
     ------
@@ -150,6 +152,7 @@ class Search:
     effort: float = 1e-2
     haste: float = 1e-2
     opening: Opening | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         knots = np.asarray(self.knots, dtype=float)
@@ -181,7 +184,7 @@ class Search:
 
     def goals(self) -> Goals:
         """The goals, of a run that is to begin."""
-        return Goals(self.each, self.since, self.end)
+        return Goals(self.each, self.since, self.end, self.weights)
 
     def levels(self, x: Floats) -> Floats:
         """Levels (n_muscles, n_knots) from numbers."""

@@ -280,7 +280,7 @@ class Cover(_OfSurface):
 
 @dataclass
 class Goals:
-    """Several goals from a time on until the end, an `Objective`: the mean over them and over time, in mm².
+    """Several goals from a time on until the end, an `Objective`: the mean over them, with their weights, and over time, in mm².
 
     Attributes
     ----------
@@ -288,6 +288,8 @@ class Goals:
         Name to goal.
     since, end : float
         In s.
+    weights : mapping
+        Name to how much a goal counts, 1 without.
     square : dict
         Name to the mean square distance in mm² so far.
     """
@@ -295,17 +297,20 @@ class Goals:
     each: Mapping[str, Goal]
     since: float
     end: float
+    weights: Mapping[str, float] = field(default_factory=dict)
     square: dict[str, float] = field(default_factory=dict)
 
     def __call__(self, t: float, h: float, probes: Mapping[str, Floats]) -> tuple[float, Pull]:
         """What a step that ends at `t` adds."""
         share, added, by = min(h, max(t - self.since, 0.0)) / (self.end - self.since), 0.0, dict[str, Floats]()
         if share > 0:
+            weights = {name: self.weights.get(name, 1.0) for name in self.each}
             for name, goal in self.each.items():
                 square, pull = goal(t, probes)
                 self.square[name] = self.square.get(name, 0.0) + share * square
-                added += share * square / len(self.each)
-                _add(by, {probe: share / len(self.each) * value for probe, value in pull.items()})
+                part = share * weights[name] / sum(weights.values())
+                added += part * square
+                _add(by, {probe: part * value for probe, value in pull.items()})
         return added, by
 
     @property
