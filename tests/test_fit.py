@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+from test_carry_over import SURFACES, needs_surfaces
 from test_cli import tongue as command
 
 import tongue_fenicsx as tf
@@ -319,6 +320,46 @@ places = 200
     aside = shape.surface.moved(np.eye(3), np.array([0.0, 0.1, 0.0]))
     with pytest.raises(tf.InputError, match=r"surface.vowel: the mid-sagittal plane y = 0 misses it"):
         spread_in_plane(aside, 200, "vowel")
+
+
+@needs_surfaces
+@pytest.mark.slow
+def test_a_vowel_of_a_speaker(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The mid-sagittal contour of an /u/ from MRI is reached, from the same speaker's schwa, to 2 mm, and drawn."""
+    speaker = SURFACES / "ultrax" / "Speaker01_Phoneme"
+    file, output = tmp_path / "u.toml", tmp_path / "u"
+    file.write_text(VOWEL.format(posture=f"{speaker}06.ply", rest=f"{speaker}09.ply"))
+    code, said = command(capsys, "fit", file, "-o", output)
+    assert code == 0, said
+    assert "u: turned by 15.7°, scaled by 1.05; at rest 0.6 mm apart" in said
+    assert float(re.findall(r"run 1: u (\S+) mm away", said)[0]) < 2.0
+    assert (output / "contours.png").stat().st_size > 10_000
+
+
+VOWEL = """
+muscles = ["GGP", "GGM", "GGA", "SG", "HG", "IL", "SL", "VERT", "TRANS", "GH", "MH"]
+begin = "live"
+hold = true
+knots = 0.1
+since = 0.15
+effort = 0.5
+haste = 0.0
+rounds = 1
+iterations = 0
+[base]
+mesh = {{ parametric = "coarse" }}
+tissue = {{ preset = "buchaillard" }}
+time = {{ end = 0.2, step = 0.01 }}
+output = {{ every = 0.1 }}
+[surface.u]
+file = "{posture}"
+rest = "{rest}"
+axes = "LPS"
+mid_plane = 0.6
+align = "smooth"
+midsagittal = true
+places = 100
+"""
 
 
 def test_goals_have_the_derivatives_of_their_values() -> None:
