@@ -88,6 +88,10 @@ def test_a_guess_is_a_twin_of_the_reduced_tongue() -> None:
     still = fitting.Search({"tip": goals.Within("tip", np.full(3, -5.0), np.full(3, 5.0))}, list(truth), knots, hold=True, effort=1.0)
     for found in fitting.guess(fitting.Surrogate(tongue, still, probes), tries=1).values():
         np.testing.assert_allclose(found, 0.0, atol=1e-6)
+    tense = replace(still, bounds={"GGP": (0.2, 0.4)})  # which the antagonists need not answer within 5 mm
+    for name, found in fitting.guess(fitting.Surrogate(tongue, tense, probes), tries=1).items():
+        np.testing.assert_allclose(found[1:], 0.2 if name == "GGP" else 0.0, atol=1e-6)
+    assert list(tense.begin({"GGP": np.full(3, 0.9)})) == [0.4, 0.1, 0.1]
 
 
 @pytest.mark.slow
@@ -508,6 +512,10 @@ def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
         ("dorsum.csv", "fit.toml", "four columns"),
         ('unit = "m"', 'unit = "inch"', "one of m, cm, mm"),
         ('"GGP", "MH"', "", "muscles: at least one"),
+        ("knots = 0.02", "knots = 0.02\nbounds = { SL = [0.1, 0.2] }", "bounds.SL: [0.1, 0.2]; one of muscles, GGP, MH, is expected"),
+        ("knots = 0.02", "knots = 0.02\nbounds = { MH = [0.3, 0.2] }", "bounds.MH: [0.3, 0.2]; the least level first is expected"),
+        ("knots = 0.02", "knots = 0.02\nbounds = { MH = [0.3, 1.2] }", "bounds.MH"),
+        ("[target.root]", "[point.tip]\nx = [3.0, 1.0]\n[target.root]", "point.tip.x: [3, 1]; the least value first is expected"),
         ("step = 0.01", "step = -1", "base: time.step"),
     ],
 )

@@ -23,7 +23,15 @@ from .goals import Goal, Track
 from .shapes import LAYS, Shape
 from .sweep_file import base_of
 
-Span = tuple[float, float]
+
+def ordered(span: tuple[float, float]) -> tuple[float, float]:
+    """Refuse a greatest value before the least, with a ValueError."""
+    if not span[0] <= span[1]:
+        raise ValueError(f"[{span[0]:g}, {span[1]:g}]; the least value first is expected")
+    return span
+
+
+Span = Annotated[tuple[float, float], AfterValidator(ordered)]
 Columns = Annotated[list[str], Field(min_length=3, max_length=3)]
 Axes = Annotated[str, AfterValidator(check_axes)]
 JAW, TOOTH = "mandible", "(tooth)"
@@ -154,6 +162,7 @@ class FitFile(Section):
     hold: Flag = False
     since: NotNegative = 0.0
     most: Share = 1.0
+    bounds: Mapping[Name, tuple[Share, Share]] = {}
     begin: Annotated[str, OneOf(names=BEGINS)] = "flat"
     effort: NotNegative = 1e-2
     haste: NotNegative = 1e-2
@@ -198,7 +207,7 @@ class Task:
 
     def search(self, goals: Mapping[str, Goal], opening: Opening | None = None) -> Search:
         """What is sought, with these goals."""
-        terms = {name: getattr(self.file, name) for name in ("hold", "since", "most", "effort", "haste")}
+        terms = {name: getattr(self.file, name) for name in ("hold", "since", "most", "bounds", "effort", "haste")}
         weights = {name: section.weight for name, section in self.file.aims}
         return Search(goals, self.file.muscles, self.knots, **terms, opening=opening, weights=weights)
 
@@ -225,6 +234,10 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
         raise InputError(f"{path}: {explain(error, FitFile)}") from error
     if not file.aims or not file.muscles:
         raise InputError(f"{path}: {'muscles' if file.aims else 'target'}: at least one is expected.")
+    for name, (low, high) in file.bounds.items():
+        if name not in file.muscles or low > high:
+            expected = f"one of muscles, {', '.join(file.muscles)}," if name not in file.muscles else "the least level first"
+            raise InputError(f"{path}: bounds.{name}: [{low:g}, {high:g}]; {expected} is expected.")
     names = [name for name, _ in file.aims]
     if len(set(names)) < len(names):
         raise InputError(f"{path}: two of {', '.join(sorted(names))} have one name; names of their own are expected.")

@@ -130,6 +130,8 @@ class Search:
         Time in s from which on the goals count.
     most : float
         Greatest level.
+    bounds : mapping
+        Muscle to its least and greatest level, where they are not 0 and `most`: with a least one, antagonists pull together.
     effort, haste : float
         Weights in mm².
     opening : Opening, optional
@@ -153,6 +155,7 @@ class Search:
     haste: float = 1e-2
     opening: Opening | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         knots = np.asarray(self.knots, dtype=float)
@@ -178,6 +181,13 @@ class Search:
         knots = [len(self.knots) - 1] if self.hold else range(1, len(self.knots))
         return [f"{name}-{k}" for name in self.muscles for k in knots] + [OPENING] * (self.opening is not None)
 
+    @property
+    def limits(self) -> tuple[Floats, Floats]:
+        """The least and greatest numbers."""
+        each = [self.bounds.get(name, (0.0, self.most)) for name in self.muscles]
+        low, high = np.repeat(each, 1 if self.hold else len(self.knots) - 1, axis=0).T
+        return (low, high) if self.opening is None else (np.append(low, 0.0), np.append(high, 1.0))
+
     def moved(self, found: Fit, x: Floats) -> Fit:
         """A fit with other numbers."""
         return replace(found, levels=dict(zip(self.muscles, self.levels(x), strict=True)), angle=self.angle(x))
@@ -197,10 +207,10 @@ class Search:
         return 0.0 if self.opening is None else float(self.opening.most * x[-1])
 
     def begin(self, start: Mapping[str, Floats], angle: float = 0.0) -> Floats:
-        """Numbers of levels (n_knots,) of muscles and an angle in degrees to begin with; other muscles begin at 0.1."""
+        """Numbers within the limits of levels (n_knots,) of muscles and an angle in degrees to begin with; other muscles begin at 0.1."""
         levels = np.array([start.get(name, np.full(len(self.knots), 0.1)) for name in self.muscles])
         x = levels[:, -1] if self.hold else levels[:, 1:].ravel()
-        return np.asarray(x if self.opening is None else np.append(x, angle / self.opening.most))
+        return np.clip(x if self.opening is None else np.append(x, angle / self.opening.most), *self.limits)
 
     def check(self, probes: Mapping[str, Floats]) -> None:
         """Refuse probes without one of the goals', with an `InputError`."""
@@ -224,11 +234,9 @@ class Search:
 
     def least(self, function: Callable[[Floats], Any], begin: Floats, iterations: int) -> Any:
         """The search itself, with a function's value and its derivatives."""
-        most = np.full(len(begin), self.most)
-        if self.opening is not None:
-            most[-1] = 1.0
-        bounds = [(0.0, end) for end in most]
-        return minimize(function, begin.clip(0, most), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
+        low, high = self.limits
+        bounds = list(zip(low, high, strict=True))
+        return minimize(function, begin, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations})
 
 
 def fit(
@@ -380,7 +388,8 @@ def guess(surrogate: Surrogate, tries: int = 3, seed: int = 0) -> dict[str, Floa
 
     found = []
     for _ in range(tries):
-        x = random.uniform(0, search.most / 2, search.size) * (random.random(search.size) < 0.5)
+        low, high = search.limits
+        x = low + random.uniform(0, (high - low) / 2) * (random.random(search.size) < 0.5)
         if search.opening is not None:
             x[-1] = 0.0  # of which the reduced tongue does not know
         value, u = at(x)
