@@ -1,4 +1,4 @@
-# make demo   build the coarse tongue, move it, leave pictures and a movie in runs/ggp/figures
+# make demo   build the coarse tongue, let it say /t/, leave pictures and a movie in runs/say_t/figures
 # make check  lint, types and the quick tests, for between two commits: a minute or two
 # make test   lint, types, documentation, tests (part of them also on two ranks) and how much of the code they reach
 # make bench  what the solver costs, in minutes, against the committed numbers; make bench-full at the chapter's size, an hour
@@ -16,9 +16,9 @@ export OMP_NUM_THREADS := 1
 
 demo: $(VENV)/ready
 	$(BIN)/tongue build -o meshes/tongue_coarse.msh --preset coarse
-	$(BIN)/tongue run demos/ggp.toml -o runs/ggp --overwrite
-	$(BIN)/tongue movie runs/ggp -o runs/ggp/figures/ggp.gif --seconds 2 --fps 10
-	@echo "Look at runs/ggp/figures/ggp.gif and *.png; open runs/ggp/fields.xdmf in ParaView. Play with a tongue in real time: .venv/bin/tongue live"
+	$(BIN)/tongue run demos/say_t.toml -o runs/say_t --overwrite
+	$(BIN)/tongue movie runs/say_t -o runs/say_t/figures/say_t.gif --seconds 2 --fps 10
+	@echo "Look at runs/say_t/figures/say_t.gif and *.png; open runs/say_t/fields.xdmf in ParaView. Play with a tongue in real time: .venv/bin/tongue live"
 
 QUICK := activation documents engine kinematics seams timestep tissue values
 

@@ -23,7 +23,7 @@ from tongue_fenicsx.cli.app import app, main
 from tongue_fenicsx.scenario.files import load
 from tongue_fenicsx.simulation import quantities
 from tongue_fenicsx.studies.anatomy_statements import STATEMENTS
-from tongue_fenicsx.studies.fit_file import RecordingSection
+from tongue_fenicsx.studies.fit_file import RecordingSection, SurfaceSection
 
 HOUSE = Path(__file__).parents[1]
 DOCUMENTS = sorted([*HOUSE.glob("*.md"), *HOUSE.glob("docs/*.md"), *HOUSE.glob("meshes/*.md")])
@@ -155,6 +155,8 @@ def test_toml_of_documents(block: str, tmp_path: Path) -> None:
         assert tomllib.loads(block) == tomllib.loads((SUBJECT_FILES / named[1]).read_text("utf-8"))
     elif "[recording]" in block:
         RecordingSection.model_validate(tomllib.loads(block)["recording"])
+    elif "[surface." in block:
+        SurfaceSection.model_validate(tomllib.loads(block)["surface"]["vowel"])
     else:
         (tmp_path / "scenario.toml").write_text(block, encoding="utf-8")
         load(tmp_path / "scenario.toml")

@@ -78,6 +78,21 @@ def test_t(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.slow
+def test_the_demo_says_t(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A row of the palatogram is closed from side to side for a while, with both sides behind it, and in the end nothing is touched."""
+    demo, mesh = POSTURES.parent / "say_t.toml", tmp_path / "coarse.msh"
+    changes = ("--no-figures", "--set", "solver.accuracy=preview", "--set", f"mesh.file={mesh}")
+    for line in (("build", "-o", mesh, "--preset", "coarse"), ("run", demo, "-o", tmp_path / "t", *changes)):
+        code, said = command(capsys, *line)
+        assert code == 0, said
+    record = electropalatogram(tf.Run(tmp_path / "t"))
+    grids = [record.grid(i) for i in range(len(record.time))]
+    closed = [grid[:3, 1:7].all(axis=1).any() and grid[3:7, 0].any() and grid[3:7, 7].any() for grid in grids]
+    assert 0.05 < np.ptp(record.time[closed]) < 0.15
+    assert not grids[-1].any()
+
+
+@pytest.mark.slow
 def test_k(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It closes at the velum or the end of the hard palate, and not in front."""
     _, passage = posture("k", tmp_path, capsys)

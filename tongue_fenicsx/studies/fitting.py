@@ -210,7 +210,7 @@ class Search:
         """Numbers within the limits of levels (n_knots,) of muscles and an angle in degrees to begin with; other muscles begin at 0.1."""
         levels = np.array([start.get(name, np.full(len(self.knots), 0.1)) for name in self.muscles])
         x = levels[:, -1] if self.hold else levels[:, 1:].ravel()
-        return np.clip(x if self.opening is None else np.append(x, angle / self.opening.most), *self.limits)
+        return np.asarray(np.clip(x if self.opening is None else np.append(x, angle / self.opening.most), *self.limits))
 
     def check(self, probes: Mapping[str, Floats]) -> None:
         """Refuse probes without one of the goals', with an `InputError`."""
