@@ -132,6 +132,7 @@ def test_scenarios(place: Path, capsys: pytest.CaptureFixture[str], text: str | 
 
 CHANGES = [
     ("=1", "--set =1: key=value is expected"),
+    ("activation.GGP=high", "activation.GGP"),
     ("tissue.nu", "--set tissue.nu: key=value is expected"),
     ("tissue.nu=", "--set tissue.nu=: key=value is expected"),
     ("tissue..nu=0.4", "unknown key 'tissue.'"),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
 import signal
 import subprocess
@@ -128,7 +129,7 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
     file, output = tmp_path / "fit.toml", tmp_path / "fit"
     best = []
     for iterations in (3, 12):
-        file.write_text(FIT.format(mesh=tongue_file, iterations=iterations))
+        file.write_text(FIT.format(mesh=os.path.relpath(tongue_file, tmp_path), iterations=iterations))
         code, said = command(capsys, "fit", file, "-o", output)
         assert code == 0, said
         with open(output / "fit.csv", newline="") as table:
@@ -147,6 +148,18 @@ def test_the_command(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert "combinations of levels are determined" in said
     assert "open: " in said
     assert (output / "fit.png").stat().st_size > 2e4
+    mesh = load(output / "best.toml").mesh.file
+    assert mesh is not None
+    assert Path(mesh).samefile(tongue_file)  # from where best.toml lies
+    before, good = (output / "best.toml").read_bytes(), file.read_text()
+    file.write_text(good.replace('unit = "m"', 'unit = "cm"').replace('"GGP", ', ""))
+    code, said = command(capsys, "fit", file, "-o", output)
+    assert (code, "holds a fit with another muscles, target; --overwrite replaces it" in said) == (2, True), said
+    code, said = command(capsys, "fit", file, "-o", output / "run")
+    assert (code, "run: holds a run; another folder is expected" in said) == (2, True), said
+    assert (output / "best.toml").read_bytes() == before
+    fit_run.begin(fit_file.read(file), output, overwrite=True)
+    assert not (output / "best.toml").exists()
 
 
 OPENED = """
@@ -510,6 +523,17 @@ def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
         ("knots = 0.02", "knots = 0", "knots: 0"),
         ("root.csv", "none.csv", "does not exist"),
         ("dorsum.csv", "fit.toml", "four columns"),
+        ("dorsum.csv", "empty.csv", "target.dorsum: "),
+        ("dorsum.csv", "empty.csv", "it has no line of numbers"),
+        ("dorsum.csv", "lost.csv", "line 2 of its numbers is not finite"),
+        ("dorsum.csv", "milliseconds.csv", "target.dorsum: times from 0 to 80 s; some after 0 and up to time.end, 0.04 s, are expected"),
+        ('unit = "m"', 'unit = "m"\nweight = 2\n[target.tip]\ntable = "dorsum.csv"\nunit = "m"', "target.tip: it moves by up to 1000 mm"),
+        (
+            "[target.root]",
+            '[contour.drawn]\ntable = "drawn.csv"\nunit = "m"\n[target.root]',
+            "contour.drawn: it lies up to 40000 mm from the origin",
+        ),
+        ('"GGP", "MH"', '"GGP", "GGP"', "muscles: 'GGP' is named twice"),
         ('unit = "m"', 'unit = "inch"', "one of m, cm, mm"),
         ('"GGP", "MH"', "", "muscles: at least one"),
         ("knots = 0.02", "knots = 0.02\nbounds = { SL = [0.1, 0.2] }", "bounds.SL: [0.1, 0.2]; one of muscles, GGP, MH, is expected"),
@@ -521,12 +545,33 @@ def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
 )
 def test_bad_fits(old: str, new: str, message: str, tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One sentence, before anything is computed."""
-    for name in ("dorsum", "root"):
-        (tmp_path / f"{name}.csv").write_text("0,0,0,0\n0.04,1e-3,0,0\n")
+    (tmp_path / "dorsum.csv").write_text("t;x;y;z\n0;0;0;0\n0,04;1,0;0;0\n")
+    (tmp_path / "root.csv").write_text("0,0,0,0\n0.04,1e-3,0,0\n")
+    (tmp_path / "milliseconds.csv").write_text("0,0,0,0\n40,1,0,0\n80,1,0,0\n")
+    (tmp_path / "lost.csv").write_text("0,0,0,0\n0.02,nan,0,0\n")
+    (tmp_path / "drawn.csv").write_text("x,z\n10,40\n12,38\n")
+    (tmp_path / "empty.csv").touch()
     (tmp_path / "fit.toml").write_text(FIT.format(mesh=tongue_file, iterations=1).replace(old, new))
     code, said = command(capsys, "fit", tmp_path / "fit.toml", "-o", tmp_path / "fit")
     assert (code, message in said) == (2, True), said
     assert not (tmp_path / "fit" / "run").exists()
+
+
+def test_other_files_than_fits(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scenario is no fit, a fit no scenario; processes are counted before anything runs."""
+    scenario, fit = tmp_path / "scenario.toml", tmp_path / "fit.toml"
+    scenario.write_text(f'[mesh]\nfile = "{tongue_file}"\n[time]\nend = 0.1\n')
+    fit.write_text(FIT.format(mesh=tongue_file, iterations=1))
+    for name in ("dorsum", "root"):
+        (tmp_path / f"{name}.csv").write_text("0,0,0,0\n0.04,1e-3,0,0\n")
+    for words, message in (
+        (("fit", scenario, "-o", tmp_path / "out"), "it is a scenario; a fit, which has one as its base, is expected"),
+        (("check", fit), "base: it is a key of a file for tongue sweep or tongue fit; a scenario is expected"),
+        (("fit", fit, "-o", tmp_path / "out", "--jobs", "0"), "--jobs 0: a positive number is expected"),
+    ):
+        code, said = command(capsys, *words)
+        assert (code, message in said) == (2, True), said
+    assert not (tmp_path / "out").exists()
 
 
 RECORDING = """
@@ -569,7 +614,7 @@ def test_sensors_of_a_speaker(tongue: tf.TongueMesh, tongue_file: Path, tmp_path
     text = FIT.format(mesh=tongue_file, iterations=1)
     file.write_text(text[: text.index("[target")] + RECORDING)
     said: list[str] = []
-    task = fit_run.glue(fit_file.read(file), tmp_path / "fit", said.append)
+    task = fit_run.glue(fit_file.read(file), said.append)
     assert "turned by 8.0°, scaled by 0.83; at rest the sensors lie 0.0 mm" in said[0]
     assert task.scenario.probes is not None
     np.testing.assert_allclose(np.array(task.scenario.probes["TT"], dtype=float), glued["TT"])
@@ -583,11 +628,21 @@ def test_sensors_of_a_speaker(tongue: tf.TongueMesh, tongue_file: Path, tmp_path
     for t, angle in ((0.02, 4.0), (0.12, 9.0), (0.22, 0.0)):
         np.testing.assert_allclose(moving.displacement(tooth[None], t)[0], jaw[np.isclose(open_by, angle)][-1] - tooth, atol=1e-6)
     good = file.read_text()
+    lines = (tmp_path / "ema.csv").read_text()
+    (tmp_path / "comma.csv").write_text(lines.replace(",", ";").replace(".", ","))
+    (tmp_path / "slow.csv").write_text("".join(line for i, line in enumerate(lines.splitlines(keepends=True)) if i % 10 < 2))
+    file.write_text(good.replace("ema.csv", "comma.csv"))
+    np.testing.assert_allclose(fit_run.glue(fit_file.read(file), said.append).paths["TT"].displacement, task.paths["TT"].displacement)
+    for old, new in (('align = "scale"', 'align = "rigid"\nunit = "cm"'), ('"ALS"', '"PLS"')):
+        file.write_text(good.replace(old, new))
+        with pytest.raises(tf.InputError, match=r"recording: turned by .*; its unit, its axes, when it is at rest"):
+            fit_run.glue(fit_file.read(file), said.append)
     for old, new, message in (
         ("TT_z", "gone", "no column 'gone'; it has t_s"),
         ('"ALS"', '"AAS"', "three letters are expected"),
         ("behind_tip = 10", "", "behind_tip"),
         ("behind_tip = 10", "behind_tip = 10\nweight = 0", "recording.sensor.TT.weight: 0"),
+        ('"ema.csv"', '"slow.csv"', "recording: no two times from 0.1 to 0.12 s"),
         ("rest = 0.3", "rest = 9.0", "recording.rest: 9 s; a time from 0 to 0.3 s is expected"),
         ("lead = 0.02", "lead = 0.5", "recording.lead: 0.5 s; less than time.end, 0.04 s, is expected"),
         ("[recording]", "[base.boundary.moving.mandible]\nangle = [[0.1, 0.0, 3.0]]\n[recording]", "moves already"),

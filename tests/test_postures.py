@@ -95,6 +95,8 @@ def test_the_demo_says_t(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.slow
 def test_k(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It closes at the velum or the end of the hard palate, and not in front."""
-    _, passage = posture("k", tmp_path, capsys)
+    run, passage = posture("k", tmp_path, capsys)
+    back, _, up = 1e3 * run.probes["tip"][-1]
+    assert (-2 < back < 10, -10 < up < 4) == (True, True)  # the tip stays behind the lower teeth
     assert narrow(passage, ("velum", "palate"), 20, 45) < 0.3
     assert narrow(passage, ("palate",), -16, 5) > 2

@@ -426,6 +426,14 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert code == 0, said
     code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "run")
     assert (code, "--overwrite" in said) == (2, True), said
+    (tmp_path / "cut.npz").write_bytes(model.read_bytes()[:1000])
+    for bad in (tmp_path / "cut.npz", scenario):
+        code, said = command(capsys, "rom", "run", bad, scenario, "-o", tmp_path / "bad")
+        assert (code, "it is no archive, or a part of one); a reduced tongue" in said) == (2, True), said
+    code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "bad", "--set", "tissue.preset=kappert")
+    assert (code, "tissue.preset: 'kappert'; the reduced tongue learned from runs with 'buchaillard'" in said) == (2, True), said
+    code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "down", "--set", "gravity.posture=upright")
+    assert (code, "not followed: gravity" in said) == (0, True), said
     code, said = command(capsys, "live", model, "--save", tmp_path / "page.html")
     assert code == 0, said
     assert set(re.findall(r"https?://[\w.]+", (tmp_path / "page.html").read_text())) == {"http://www.w3.org"}  # a name, not an address

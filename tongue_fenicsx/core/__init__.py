@@ -8,6 +8,7 @@ __all__ = [
     "fingerprint",
     "interruption",
     "memory",
+    "number_tables",
     "parallel",
     "pieces",
     "tables",

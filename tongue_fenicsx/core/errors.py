@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from zipfile import BadZipFile
 
 
 class InputError(ValueError):
@@ -61,7 +62,7 @@ def reading(path: Path, expected: str) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, ArithmeticError) as error:
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, ArithmeticError, BadZipFile) as error:
         said = getattr(error, "strerror", None) or error
         reason = "it is no text in UTF-8" if isinstance(error, UnicodeDecodeError) else " ".join(str(said).split())
         raise InputError(f"{path}: cannot be read ({reason[:200] or type(error).__name__}); {expected} is expected.") from error

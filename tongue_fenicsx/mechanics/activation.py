@@ -12,7 +12,8 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..core.errors import InputError, reading, short
+from ..core.errors import InputError, reading
+from ..core.number_tables import numbers_in
 from ..core.pieces import ends, follow
 from ..core.types import Floats
 from ..core.values import Duration, Real, Share, checked
@@ -83,7 +84,9 @@ class Activation:
             If the file cannot be read, times do not grow, or a level is not in 0…1.
         """
         with reading(path, "two columns, time in s and level from 0 to 1,"):
-            times, levels = np.array(_rows(path.read_text(encoding="utf-8-sig"))).T
+            times, levels = numbers_in(path.read_text(encoding="utf-8-sig"), 2).T
+            if len(times) < 2:
+                raise ValueError("it has less than two rows")
             if not (times[0] >= 0 and np.all(np.diff(times) > 0)):
                 raise ValueError("the times do not grow from 0 on")
         if times[0] > 0:
@@ -92,31 +95,6 @@ class Activation:
             return cls([(float(d), float(a), float(b)) for d, a, b in zip(np.diff(times), levels[:-1], levels[1:], strict=True)])
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-
-
-def _rows(text: str) -> list[list[float]]:
-    """The numbers of a table of two columns, without its line of names."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    mark = next((mark for mark in ";\t" if mark in text), ",")
-    cells = [[cell.strip(" \"'") for cell in line.split(mark)] for line in lines]
-    if cells and not any(_number(cell, mark) is not None for cell in cells[0]):
-        lines, cells = lines[1:], cells[1:]
-    rows = []
-    for line, row in zip(lines, cells, strict=True):
-        numbers = [number for cell in row if (number := _number(cell, mark)) is not None]
-        if len(numbers) != 2 or len(row) != 2:
-            raise ValueError(f"{short(line, 40)} is other than two columns of numbers parted by {mark!r}; decimal commas need ';'")
-        rows.append(numbers)
-    if len(rows) < 2:
-        raise ValueError("it has less than two rows")
-    return rows
-
-
-def _number(cell: str, mark: str) -> float | None:
-    try:
-        return float(cell if mark == "," else cell.replace(",", "."))
-    except ValueError:
-        return None
 
 
 @dataclass(frozen=True)

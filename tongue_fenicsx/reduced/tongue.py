@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 
@@ -105,14 +106,21 @@ class ReducedTongue:
         InputError
             If the file is not one that `save` wrote.
         """
-        with reading(Path(path), "a reduced tongue, as tongue rom train writes it,"), np.load(path) as file:
-            told = json.loads(str(file["told"]))
-            modes = file["modes"] * file["scales"][:, None, None]
-            weights = {name.removeprefix("weights/"): file[name] for name in file.files if name.startswith("weights/")}
-            surfaces = [(name, file[f"bones/{i}/points"], file[f"bones/{i}/triangles"]) for i, name in enumerate(told.pop("bones"))]
-            bones = {name: Surface(points.astype(float), triangles.astype(np.int64)) for name, points, triangles in surfaces}
-            room = Room(file["room/origin"], file["room/units"]) if "room/units" in file.files else None
-            return cls(file["points"], file["cells"].astype(np.int64), modes, weights, told.pop("muscles"), bones, told, room)
+        with reading(Path(path), "a reduced tongue, as tongue rom train writes it,"):
+            if not is_zipfile(path):
+                raise ValueError("it is no archive, or a part of one")
+            with np.load(path) as file:
+                return cls._of(file)
+
+    @classmethod
+    def _of(cls, file: Any) -> ReducedTongue:
+        told = json.loads(str(file["told"]))
+        modes = file["modes"] * file["scales"][:, None, None]
+        weights = {name.removeprefix("weights/"): file[name] for name in file.files if name.startswith("weights/")}
+        surfaces = [(name, file[f"bones/{i}/points"], file[f"bones/{i}/triangles"]) for i, name in enumerate(told.pop("bones"))]
+        bones = {name: Surface(points.astype(float), triangles.astype(np.int64)) for name, points, triangles in surfaces}
+        room = Room(file["room/origin"], file["room/units"]) if "room/units" in file.files else None
+        return cls(file["points"], file["cells"].astype(np.int64), modes, weights, told.pop("muscles"), bones, told, room)
 
     @classmethod
     def shipped(cls, tissue: str = "buchaillard") -> ReducedTongue:

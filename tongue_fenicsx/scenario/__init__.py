@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: MIT
 """Scenario files: what there may be in one, and the simulation that it describes."""
 
-__all__ = ["build", "effort", "files", "remarks", "schema"]
+__all__ = ["build", "changes", "effort", "files", "remarks", "schema"]

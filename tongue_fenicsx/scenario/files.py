@@ -3,16 +3,19 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 from pydantic import ValidationError
 
-from ..core.errors import InputError, reading, short
+from ..core.errors import InputError, reading
 from ..core.values import explain
 from ..geometry.surface import SUFFIXES
+from .changes import set_option
 from .schema import Scenario
 
 
@@ -33,7 +36,9 @@ def load(path: Path, changes: list[str] | None = None) -> Scenario:
     """
     data = read_toml(path, "a scenario in TOML")
     for change in changes or []:
-        set_option(data, change)
+        set_option(data, change, path.parent)
+    if "base" in data:
+        raise InputError(f"{path}: base: it is a key of a file for tongue sweep or tongue fit; a scenario is expected.")
     return scenario_of(data, path.parent, str(path))
 
 
@@ -66,63 +71,28 @@ def scenario_of(data: dict[str, Any], folder: Path, where: str) -> Scenario:
     InputError
         If a key or value is not accepted.
     """
-    source = data.get("mesh")
-    if isinstance(source, dict):
-        for key in ("file", "subject"):
-            if isinstance(source.get(key), str):
-                source[key] = str(folder / source[key])
-    for section in data["contact"].values() if isinstance(data.get("contact"), dict) else ():
-        if isinstance(section, dict) and isinstance(section.get("surface"), str) and Path(section["surface"]).suffix.lower() in SUFFIXES:
-            section["surface"] = str(folder / section["surface"])
-    for section in data["activation"].values() if isinstance(data.get("activation"), dict) else ():
-        if isinstance(section, dict) and isinstance(section.get("table"), str):
-            section["table"] = str(folder / section["table"])
+    _each_path(data, lambda path: str(folder / path))
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{where}: {explain(error, Scenario)}") from error
 
 
-def set_option(data: dict[str, Any], change: str) -> None:
-    """Set a key of nested tables as ``--set key.sub=value`` does."""
-    key, separator, text = change.partition("=")
-    shown = f"--set {short(change)[1:-1]}"
-    if not separator or not key or not text.strip():
-        raise InputError(f"{shown}: key=value is expected, such as tissue.nu=0.499.")
-    try:
-        value = toml_value(text)
-    except ValueError as error:
-        raise InputError(f"{shown}: {error}; a value in TOML is expected.") from error
-    set_key(data, key, value, shown)
+def dump(scenario: Scenario, folder: Path | None = None) -> str:
+    """The scenario as TOML, with all defaults written out, and paths in it from where it will lie, if that is not the working directory."""
+    data = scenario.model_dump(exclude_none=True)
+    if folder is not None:
+        _each_path(data, lambda path: os.path.relpath(path, folder))
+    return tomli_w.dumps(data)
 
 
-def toml_value(text: str) -> Any:
-    """A value of TOML; a bare word is text.
-
-    Raises
-    ------
-    ValueError
-        If it begins as a list, a table or a text in quotes, but is none.
-    """
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError) as error:
-        if text.strip()[0] in "[{'\"":
-            raise ValueError(" ".join(str(error).split())) from error
-        return text
-
-
-def set_key(data: dict[str, Any], key: str, value: Any, where: str) -> None:
-    """Set ``key.sub`` of nested tables; `where` begins the sentence about an error."""
-    *parents, last = key.split(".")
-    table = data
-    for parent in parents:
-        table = table.setdefault(parent, {})
-        if not isinstance(table, dict):
-            raise InputError(f"{where}: {parent} is a value, not a table.")
-    table[last] = value
-
-
-def dump(scenario: Scenario) -> str:
-    """The scenario as TOML, with all defaults written out."""
-    return tomli_w.dumps(scenario.model_dump(exclude_none=True))
+def _each_path(data: dict[str, Any], change: Callable[[str], str]) -> None:
+    """Change the paths that tables of a scenario hold."""
+    places: list[tuple[Any, str]] = [(data.get("mesh"), key) for key in ("file", "subject")]
+    for name, key in (("contact", "surface"), ("activation", "table")):
+        sections = data.get(name)
+        places += [(section, key) for section in (sections.values() if isinstance(sections, dict) else ())]
+    for section, key in places:
+        path = section.get(key) if isinstance(section, dict) else None
+        if isinstance(path, str) and (key != "surface" or Path(path).suffix.lower() in SUFFIXES):
+            section[key] = change(path)

@@ -9,9 +9,12 @@ import numpy as np
 from mpi4py import MPI
 
 from ..anatomy.catalogue import peak_stress, resolve
+from ..core.errors import InputError
 from ..mechanics.activation import Activation, Course
 from ..meshing.tongue_mesh import MuscleEntry, TongueMesh
+from ..reduced.tongue import ReducedTongue
 from ..simulation.simulation import Simulation
+from .schema import Scenario
 
 DENSITY = (500.0, 2000.0)
 """Densities in kg/m³ that soft tissue may have."""
@@ -75,3 +78,26 @@ def _cross_section(tongue: TongueMesh, entry: MuscleEntry) -> float:
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     share = entry.share[np.searchsorted(entry.nodes, triangles)].mean(axis=1)
     return float(tongue.comm.allreduce(float(area @ share), op=MPI.SUM))
+
+
+def not_followed(scenario: Scenario, tongue: ReducedTongue) -> list[str]:
+    """The keys of a scenario that a reduced tongue does not follow, as it knows the tissue, the bones and the mesh of its runs only.
+
+    Raises
+    ------
+    InputError
+        If it is of another tissue or built-in tongue altogether.
+    """
+    s, told = scenario, tongue.told
+    for key, given, known in (
+        ("tissue.preset", s.tissue.preset, told["tissue"]["preset"]),
+        ("mesh.parametric", s.mesh.parametric, told["mesh"]),
+    ):
+        if given is not None and given != known:
+            raise InputError(f"{key}: {given!r}; the reduced tongue learned from runs with {known!r}.")
+    usual = Scenario.model_validate(
+        {"mesh": {"parametric": told["mesh"]}, "time": {"end": s.time.end}, "tissue": {"preset": s.tissue.preset}}
+    )
+    parts = ("tissue", "muscles", "boundary", "gravity", "load", "region")
+    beyond = [name for name in parts if getattr(s, name) != getattr(usual, name)]
+    return beyond + (["contact"] if sorted(s.contact) != sorted(told["contact"]) else [])

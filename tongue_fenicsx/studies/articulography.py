@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ..anatomy.subject import Frame
 from ..core.errors import InputError, reading
+from ..core.number_tables import mark_of, number_in
 from ..core.types import Floats
 from ..geometry.polyline import arc_length
 from ..geometry.registration import Similarity
@@ -58,15 +59,19 @@ class Recording:
         InputError
             If a column is missing, has a cell that is no finite number, times do not grow, or the movement lies outside them.
         """
-        with reading(table, "a table with a line of names"), open(table, newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+        with reading(table, "a table with a line of names"):
+            lines = [line for line in table.read_text(encoding="utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
+            mark = mark_of("\n".join(lines))
+            rows = list(csv.DictReader(lines, delimiter=mark))
         found = rows[0] if rows else {}
-        for name in [time, *(name for names in columns.values() for name in names)]:
+        named = [time, *(name for names in columns.values() for name in names)]
+        for name in named:
             if name not in found:
                 raise InputError(f"{table}: no column {name!r}; it has {', '.join(map(str, found)) or 'no line'}.")
         with reading(table, "numbers in all columns that are named"):
-            times = np.array([float(row[time]) for row in rows])
-            places = {name: frame.metres([[float(row[c]) for c in names] for row in rows]) for name, names in columns.items()}
+            cells = {name: np.array([_number(row[name], mark) for row in rows]) for name in named}
+            times = cells[time]
+            places = {name: frame.metres(np.column_stack([cells[c] for c in names])) for name, names in columns.items()}
         if not (np.diff(times) > 0).all() or not all(np.isfinite(at).all() for at in (times, *places.values())):
             raise InputError(f"{table}: times that grow and finite places are expected; leave out the lines where a sensor was lost.")
         begin = rest if begin is None else begin
@@ -104,6 +109,12 @@ class Recording:
         at = np.unique(np.concatenate([[0, len(angle) - 1], *turns]))
         times, angle = np.append(0.0, times[at]), np.append(0.0, angle[at])
         return list(zip(np.diff(times), angle[:-1], angle[1:], strict=True))
+
+
+def _number(cell: str, mark: str) -> float:
+    if (number := number_in(cell, mark)) is None:
+        raise ValueError(f"{cell!r} is no number")
+    return number
 
 
 def lay(recording: Recording, glued: Mapping[str, Floats], align: str) -> tuple[Similarity, float]:

@@ -8,17 +8,12 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from ..anatomy.catalogue import base_name
 from ..core.errors import InputError, short
-from ..core.values import explain
-from ..scenario.files import scenario_of, set_key
-from ..scenario.schema import ActivationSection, Scenario
+from ..scenario.changes import set_key
+from ..scenario.files import scenario_of
+from ..scenario.schema import Scenario
 from .designs import Change
-
-RISE = 0.1
-"""Time in s in which a muscle that the base leaves at rest rises to the level that a design gives it."""
 
 
 def scenarios(base: Mapping[str, Any], folder: Path, design: Sequence[Change]) -> list[tuple[Scenario, Change]]:
@@ -46,7 +41,7 @@ def scenarios(base: Mapping[str, Any], folder: Path, design: Sequence[Change]) -
     tables = []
     for index, change in enumerate(design):
         where = f"run {index} ({', '.join(f'{key} = {short(value, 40)}' for key, value in change.items())})"
-        tables.append((changed(base, change, folder, where), where))
+        tables.append((_changed(base, change, folder, where), where))
     named = {name for data, _ in tables if isinstance(data.get("activation"), dict) for name in data["activation"]}
     for data, _ in tables:
         if isinstance(data.get("activation", {}), dict):
@@ -54,32 +49,12 @@ def scenarios(base: Mapping[str, Any], folder: Path, design: Sequence[Change]) -
     return [(scenario_of(data, folder, where), change) for (data, where), change in zip(tables, design, strict=True)]
 
 
-def changed(base: Mapping[str, Any], change: Change, folder: Path, where: str) -> dict[str, Any]:
-    """Tables of a scenario with other values of some keys; ``activation.MUSCLE`` may be a number (see `sweep`) or pieces."""
+def _changed(base: Mapping[str, Any], change: Change, folder: Path, where: str) -> dict[str, Any]:
+    """Tables of a scenario with other values of some keys."""
     data: dict[str, Any] = deepcopy(dict(base))
     for key, value in change.items():
-        table, _, muscle = key.partition(".")
-        if table == "activation" and "." not in muscle and not isinstance(value, dict):
-            before = data.get("activation", {}).get(muscle)
-            value = {"pieces": _scaled(before, value, folder, f"{where}: {key}") if isinstance(value, int | float) else value}
-        set_key(data, key, value, where)
+        set_key(data, key, value, folder, where)
     return data
-
-
-def _scaled(section: Any, level: float, folder: Path, where: str) -> list[tuple[float, float, float]]:
-    """The pieces of a section of activation with their highest level at `level`."""
-    if section is None:
-        return [(RISE, 0.0, level)]
-    if isinstance(section, dict) and isinstance(section.get("table"), str):
-        section = section | {"table": str(folder / section["table"])}
-    try:
-        pieces = ActivationSection.model_validate(section).course().pieces
-    except ValidationError as error:
-        raise InputError(f"{where}: {explain(error, ActivationSection)}") from error
-    highest = max(max(start, target) for _, start, target in pieces)
-    if highest == 0:
-        return [(RISE, 0.0, level)]
-    return [(duration, level * (start / highest), level * (target / highest)) for duration, start, target in pieces]
 
 
 def _with_resting(activation: Mapping[str, Any], named: set[str]) -> dict[str, Any]:

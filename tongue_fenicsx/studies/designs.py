@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError, reading
-from ..scenario.files import toml_value
+from ..scenario.changes import toml_value
 
 Change = dict[str, Any]
 """Keys of a scenario to their values in one run. ``activation.MUSCLE`` is one key: see `sweep.changed`."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +13,8 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from ..anatomy.subject import Frame, check_axes
 from ..core.errors import InputError, reading, within
+from ..core.fingerprint import fingerprint
+from ..core.number_tables import numbers_in
 from ..core.types import Floats
 from ..core.values import UNITS, Flag, Name, NotNegative, OneOf, Positive, Real, Seconds, Share, Vector, explain
 from ..scenario.files import read_toml, scenario_of
@@ -37,6 +39,8 @@ Axes = Annotated[str, AfterValidator(check_axes)]
 JAW, TOOTH = "mandible", "(tooth)"
 """The bone that a sensor on the lower teeth moves, about an axis to the left, so that opening is positive; and that sensor, whose name no
 other can have."""
+FAR = 0.15
+"""In m: no place of a tongue lies or moves farther."""
 BEGINS, SLOPES = ("flat", "live"), ("reduced", "full")
 
 
@@ -196,7 +200,7 @@ class FitFile(Section):
 
 @dataclass(frozen=True)
 class Task:
-    """A fit that is to be done."""
+    """A fit that is to be done; `told` has fingerprints, by what they are of, of all that says what is looked for."""
 
     file: FitFile
     scenario: Scenario
@@ -204,6 +208,7 @@ class Task:
     contours: Mapping[str, Floats]
     surfaces: Mapping[str, Shape]
     recording: Recording | None = None
+    told: Mapping[str, str] = field(default_factory=dict)
 
     def search(self, goals: Mapping[str, Goal], opening: Opening | None = None) -> Search:
         """What is sought, with these goals."""
@@ -228,57 +233,114 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
     InputError
         If a file cannot be read, or a key or value is not accepted.
     """
+    data = read_toml(path, "a fit in TOML")
+    if "base" not in data and {"mesh", "time"} & data.keys():
+        raise InputError(f"{path}: it is a scenario; a fit, which has one as its base, is expected.")
     try:
-        file = FitFile.model_validate(read_toml(path, "a fit in TOML"))
+        file = FitFile.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, FitFile)}") from error
+    with within(path):
+        _check_names(file)
+        scenario = scenario_of(*base_of(file.base, path, changes), f"{path}: base")
+        _check_choices(file, scenario)
+        folder, end = path.parent, scenario.time.end
+        paths = {name: _path(name, section, folder, end) for name, section in file.target.items()}
+        recording = _recording(file.recording, folder, end) if file.recording else None
+        contours, surfaces = {}, {}
+        for name, drawn in file.contour.items():
+            with within(f"contour.{name}"):
+                contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(folder / drawn.table, 2, "two columns, backward and up,")
+                _check_near(contours[name] / 1e3)
+        for name, whole in file.surface.items():
+            frame = Frame(whole.unit, whole.axes, whole.mid_plane)
+            with within(f"surface.{name}"):
+                rest = frame.surface(folder / whole.rest) if whole.rest else None
+                surfaces[name] = Shape(frame.surface(folder / whole.file), rest, whole.align)
+                if rest is None:
+                    _check_near(surfaces[name].surface.points)
+    task = Task(file, scenario, paths, contours, surfaces, recording)
+    return replace(task, told=_tell(task))
+
+
+def _tell(task: Task) -> dict[str, str]:
+    """What is looked for; how, and what it weighs, may change from one call to the next, and files may have moved."""
+    file = task.file
+    moved: Any = {"mesh": {"file", "subject"}, "contact": {"__all__": {"surface"}}, "activation": {"__all__": {"table"}}}
+    parts: dict[str, Any] = {"base": task.scenario.model_dump(exclude=moved)}
+    parts |= {"muscles": file.muscles, "hold": file.hold, "since": file.since}
+    for key in ("target", "point", "constriction", "contour", "surface", "touch"):
+        parts[key] = {name: one.model_dump(exclude={"weight", "table", "file", "rest"}) for name, one in getattr(file, key).items()}
+    recording: Any = file.recording and file.recording.model_dump(exclude={"table": True, "sensor": {"__all__": {"weight"}}})
+    parts |= {"opening": file.opening and file.opening.model_dump(), "recording": [recording, task.recording]}
+    for key, data in (("target", task.paths), ("contour", task.contours), ("surface", task.surfaces)):
+        parts[key] = [parts[key], data]
+    return {key: fingerprint(part) for key, part in parts.items()}
+
+
+def _check_names(file: FitFile) -> None:
+    """Refuse names that are missing, twice or unknown."""
     if not file.aims or not file.muscles:
-        raise InputError(f"{path}: {'muscles' if file.aims else 'target'}: at least one is expected.")
+        raise InputError(f"{'muscles' if file.aims else 'target'}: at least one is expected.")
+    names = [name for name, _ in file.aims]
+    for key, given in (("muscles", file.muscles), ("goals", names)):
+        if twice := sorted({name for name in given if given.count(name) > 1}):
+            raise InputError(f"{key}: {twice[0]!r} is named twice; names of their own are expected.")
     for name, (low, high) in file.bounds.items():
         if name not in file.muscles or low > high:
             expected = f"one of muscles, {', '.join(file.muscles)}," if name not in file.muscles else "the least level first"
-            raise InputError(f"{path}: bounds.{name}: [{low:g}, {high:g}]; {expected} is expected.")
-    names = [name for name, _ in file.aims]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: two of {', '.join(sorted(names))} have one name; names of their own are expected.")
-    paths, contours, told = {}, {}, file.recording
-    for name, section in file.target.items():
-        table = path.parent / section.table
-        rows = _rows_of(table, 4, "four columns, time in s and displacement backward, to the right and up,")
-        with within(table):
-            paths[name] = Track(rows[:, 0], UNITS[section.unit] * rows[:, 1:], name)
-    scenario = scenario_of(*base_of(file.base, path, changes), f"{path}: base")
-    if file.slopes == "full" and (file.begin != "live" or len(file.aims) > len(file.target) + len(told.sensor if told else ())):
-        raise InputError(f'{path}: slopes: "full" goes on from begin = "live", with tables of points as targets only.')
+            raise InputError(f"bounds.{name}: [{low:g}, {high:g}]; {expected} is expected.")
+
+
+def _check_choices(file: FitFile, scenario: Scenario) -> None:
+    """Refuse what does not go together."""
+    of_points = len(file.target) + len(file.recording.sensor if file.recording else ())
+    if file.slopes == "full" and (file.begin != "live" or len(file.aims) > of_points):
+        raise InputError('slopes: "full" goes on from begin = "live", with tables of points as targets only.')
     if file.opening is not None and (file.begin != "live" or file.iterations > 0):
-        raise InputError(f'{path}: opening: an angle is found with begin = "live" and iterations = 0 only.')
-    if (file.opening or (file.recording and file.recording.jaw)) and JAW in scenario.boundary.moving:
+        raise InputError('opening: an angle is found with begin = "live" and iterations = 0 only.')
+    of_jaw = file.recording is not None and file.recording.jaw is not None
+    if (file.opening or of_jaw) and JAW in scenario.boundary.moving:
         key = "opening" if file.opening else "recording.jaw"
-        raise InputError(f"{path}: {key}: the {JAW} moves already, in boundary.moving; one of both is expected.")
-    if file.opening and file.recording and file.recording.jaw:
-        raise InputError(f"{path}: opening: the {JAW} moves already, as recording.jaw says; one of both is expected.")
-    recording = None
-    if told is not None:
-        columns = {name: sensor.columns for name, sensor in told.sensor.items()} | ({TOOTH: told.jaw.columns} if told.jaw else {})
-        frame, table = Frame(told.unit, told.axes), path.parent / told.table
-        recording = Recording.read(table, told.time, columns, frame, told.rest, told.begin, told.lead)
-        if told.lead >= scenario.time.end:
-            raise InputError(f"{path}: recording.lead: {told.lead:g} s; less than time.end, {scenario.time.end:g} s, is expected.")
-    for name, drawn in file.contour.items():
-        contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(path.parent / drawn.table, 2, "two columns, backward and up,")
-    surfaces = {}
-    for name, whole in file.surface.items():
-        frame = Frame(whole.unit, whole.axes, whole.mid_plane)
-        rest = frame.surface(path.parent / whole.rest) if whole.rest else None
-        surfaces[name] = Shape(frame.surface(path.parent / whole.file), rest, whole.align)
-    return Task(file, scenario, paths, contours, surfaces, recording)
+        raise InputError(f"{key}: the {JAW} moves already, in boundary.moving; one of both is expected.")
+    if file.opening and of_jaw:
+        raise InputError(f"opening: the {JAW} moves already, as recording.jaw says; one of both is expected.")
+
+
+def _path(name: str, section: TargetSection, folder: Path, end: float) -> Track:
+    """The path that a table tells."""
+    with within(f"target.{name}"):
+        rows = _rows_of(folder / section.table, 4, "four columns, time in s and displacement backward, to the right and up,")
+        times, track = rows[:, 0], Track(rows[:, 0], UNITS[section.unit] * rows[:, 1:], name)
+        if (most := float(abs(track.displacement).max())) > FAR:
+            raise InputError(f"it moves by up to {1e3 * most:.0f} mm, which no tongue does; its own unit is expected.")
+        if not ((times > 0) & (times <= end + 1e-9)).any():
+            raise InputError(f"times from {times[0]:g} to {times[-1]:g} s; some after 0 and up to time.end, {end:g} s, are expected.")
+    return track
+
+
+def _recording(told: RecordingSection, folder: Path, end: float) -> Recording:
+    """The recording that a table tells."""
+    columns = {name: sensor.columns for name, sensor in told.sensor.items()} | ({TOOTH: told.jaw.columns} if told.jaw else {})
+    recording = Recording.read(folder / told.table, told.time, columns, Frame(told.unit, told.axes), told.rest, told.begin, told.lead)
+    if told.lead >= end:
+        raise InputError(f"recording.lead: {told.lead:g} s; less than time.end, {end:g} s, is expected.")
+    times, last = recording.times, recording.begin + end - told.lead
+    if np.count_nonzero((times >= recording.begin) & (times <= last)) < 2:
+        raise InputError(f"recording: no two times from {recording.begin:g} to {last:g} s, which the run lasts; times in s are expected.")
+    return recording
 
 
 def _rows_of(table: Path, columns: int, what: str) -> Floats:
-    """A table of numbers in so many columns; a first line of names is skipped."""
+    """A table of numbers in so many columns."""
     with reading(table, what):
-        lines = [line for line in table.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
-        rows = np.loadtxt(lines[1:] if lines and lines[0].lstrip()[:1].isalpha() else lines, delimiter=",", ndmin=2)
-        if rows.shape[1] != columns or len(rows) == 0 or not np.isfinite(rows).all():
-            raise ValueError(f"{rows.shape[1]} columns")
-        return np.asarray(rows)
+        rows = numbers_in(table.read_text(encoding="utf-8-sig"), columns)
+        if len(rows) == 0 or len(bad := np.flatnonzero(~np.isfinite(rows).all(axis=1))):
+            raise ValueError(f"line {bad[0] + 1} of its numbers is not finite" if len(rows) else "it has no line of numbers")
+        return rows
+
+
+def _check_near(places: Floats) -> None:
+    """Refuse places in m that are far from any tongue."""
+    if (most := float(abs(places).max())) > FAR:
+        raise InputError(f"it lies up to {1e3 * most:.0f} mm from the origin, where no tongue is; its own unit and axes are expected.")

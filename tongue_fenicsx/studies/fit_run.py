@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -18,7 +19,7 @@ from ..analysis.airway import WALLS, wall_of
 from ..analysis.electropalatogram import ELECTRODES, PALATES, electrodes
 from ..analysis.tongue_grid import cut
 from ..analysis.trajectories import write_places
-from ..core.errors import InputError, SolveError
+from ..core.errors import InputError, SolveError, check_outputs, reading
 from ..core.files import at_once
 from ..core.parallel import on_rank_zero
 from ..core.types import Floats
@@ -26,6 +27,7 @@ from ..geometry.surface import Surface
 from ..plotting.fit_sheet import draw_contours, draw_fit
 from ..reduced.tongue import ReducedTongue
 from ..runs.run import Run
+from ..runs.writer import SUMMARY
 from ..scenario.build import activation_of, inputs_of, simulation_of
 from ..scenario.files import dump, read_toml, scenario_of
 from ..scenario.schema import Scenario
@@ -44,6 +46,8 @@ from .shapes import spread, spread_in_plane
 BEST, PROGRESS, OPEN, SHEET, PATHS, CONTOURS = "best.toml", "fit.csv", "open.csv", "fit.png", "paths.csv", "contours.png"
 """The scenario with the activations found so far, how the search went, what the data leave open, a picture of all, where points should be,
 and a picture of contours."""
+TOLD = "fit.json"
+"""What is looked for in a folder, as fingerprints."""
 RUN, NEARBY = "run", "nearby"
 """Folders of the run of the best, and of those beside it."""
 REACH_FOR = 18.0
@@ -51,9 +55,42 @@ REACH_FOR = 18.0
 JAWS = frozenset({"lower_teeth", "mandible"})
 """Obstacles that move with the jaw of a recording."""
 MM = 1e-3
+UPSIDE, ASTRAY = 90.0, 15e-3
+"""In degrees and in m: a speaker who had to be turned so far, or whose sensors lie so far from their points, has other axes or units."""
 
 
-def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
+def begin(task: Task, output: Path, overwrite: bool) -> None:
+    """Make sure that a folder holds nothing but what the same fit has left; on one rank alone.
+
+    Parameters
+    ----------
+    task : Task
+        As it was read.
+    output : Path
+        The folder.
+    overwrite : bool
+        Take out what another fit has left.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or holds a run or another fit.
+    """
+    left = (BEST, PROGRESS, OPEN, SHEET, PATHS, CONTOURS, TOLD)
+    check_outputs(output, left)
+    if (output / SUMMARY).exists():
+        raise InputError(f"{output}: holds a run; another folder is expected.")
+    if overwrite:
+        for name in left:
+            (output / name).unlink(missing_ok=True)
+    if (path := output / TOLD).exists():
+        with reading(path, "what a fit has left"):
+            before = dict(json.loads(path.read_text(encoding="utf-8")))
+        if differs := sorted(key for key, told in task.told.items() if told != before.get(key)):
+            raise InputError(f"{output}: holds a fit with another {', '.join(differs)}; --overwrite replaces it, another folder leaves it.")
+
+
+def glue(task: Task, say: Callable[[str], object]) -> Task:
     """A task whose scenario has the sensors of a recording as probes, and the jaw's motion, and whose paths are theirs too; says how the
     speaker was laid on the tongue.
 
@@ -69,8 +106,7 @@ def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
         task = replace(task, scenario=Scenario.model_validate(data))
     if told is None or recording is None:
         return task
-    output.mkdir(parents=True, exist_ok=True)
-    simulation = simulation_of(task.scenario, output)
+    simulation = simulation_of(task.scenario, Path())
     tongue = simulation.model.tongue
     glued = {}
     for name, sensor in told.sensor.items():
@@ -82,7 +118,10 @@ def glue(task: Task, output: Path, say: Callable[[str], object]) -> Task:
             glued[name] = MM * np.array(sensor.at)
     laid, apart = lay(recording, glued, told.align)
     turn = np.degrees(np.arctan2(laid.rotation[0, 2], laid.rotation[0, 0]))
-    say(f"recording: turned by {turn:.1f}°, scaled by {laid.scale:.2f}; at rest the sensors lie {1e3 * apart:.1f} mm from their points")
+    how = f"turned by {turn:.1f}°, scaled by {laid.scale:.2f}; at rest the sensors lie {1e3 * apart:.1f} mm from their points"
+    if abs(turn) > UPSIDE or apart > ASTRAY:
+        raise InputError(f"recording: {how}; its unit, its axes, when it is at rest and where the sensors are glued are expected to agree.")
+    say(f"recording: {how}")
     data = task.scenario.model_dump(exclude_none=True)
     data["probes"] = {name: list(point) for name, point in (simulation.probes.rest | glued).items()}
     if told.jaw:
@@ -172,7 +211,6 @@ class FitRun:
     """
 
     def __init__(self, task: Task, output: Path, report: Callable[[Fit], object], say: Callable[[str], object]) -> None:
-        output.mkdir(parents=True, exist_ok=True)
         self.task, self.output, self.report = task, output, report
         scenario, told = task.scenario, task.file.opening
         self._plain = simulation_of(scenario, output)
@@ -216,8 +254,10 @@ class FitRun:
 
     def _keep(self, found: Fit) -> None:
         if MPI.COMM_WORLD.rank == 0:
+            with at_once(self.output / TOLD) as path:
+                path.write_text(json.dumps(self.task.told, indent=2) + "\n", encoding="utf-8")
             with at_once(self.output / BEST) as path:
-                path.write_text(dump(self._with(found)), encoding="utf-8")
+                path.write_text(dump(self._with(found), self.output), encoding="utf-8")
             new = not (self.output / PROGRESS).exists()
             with open(self.output / PROGRESS, "a", newline="", encoding="utf-8") as table:
                 writer = csv.writer(table)

@@ -68,10 +68,10 @@ class Track(_OfProbe):
 
     def __post_init__(self) -> None:
         times, displacement = np.asarray(self.times, dtype=float), np.asarray(self.displacement, dtype=float)
-        if times.ndim != 1 or displacement.shape != (len(times), 3) or not (np.diff(times) > 0).all():
-            raise InputError(
-                f"fit: a path of shape {displacement.shape} at {times.shape} times; growing times (n,) and (n, 3) are expected."
-            )
+        if times.ndim != 1 or displacement.shape != (len(times), 3):
+            raise InputError(f"fit: a path of shape {displacement.shape} at {times.shape} times; (n, 3) at (n,) times are expected.")
+        if len(back := np.flatnonzero(np.diff(times) <= 0)):
+            raise InputError(f"fit: {times[back[0] + 1]:g} s follows {times[back[0]]:g} s; growing times are expected.")
         if not (np.isfinite(times).all() and np.isfinite(displacement).all()):
             raise InputError("fit: a path with numbers that are not finite; take them out, the path is straight between the others.")
 

@@ -13,7 +13,8 @@ from pydantic import ValidationError, model_validator
 
 from ..core.errors import InputError
 from ..core.values import Duration, Number, OneOf, Real, Seconds, Seed, Share, explain
-from ..scenario.files import read_toml, set_option, toml_value
+from ..scenario.changes import set_option, toml_value
+from ..scenario.files import read_toml
 from ..scenario.schema import Section
 from . import designs
 from .designs import Change
@@ -145,7 +146,7 @@ def from_options(path: Path, vary: Sequence[str], changes: Sequence[str] | None 
         If the file cannot be read, or an option is not of this form.
     """
     base, folder = _base(path)
-    _change(base, changes)
+    _change(base, changes, folder)
     levels: dict[str, list[Any]] = {}
     for option in vary:
         key, separator, text = option.partition("=")
@@ -176,7 +177,7 @@ def base_of(base: Any, path: Path, changes: Sequence[str] | None) -> tuple[dict[
     if not isinstance(base, str | dict):
         raise InputError(f"{path}: base: {base!r}; the file of a scenario, or its tables, are expected.")
     data, folder = (base, path.parent) if isinstance(base, dict) else _base(path.parent / base)
-    _change(data, changes)
+    _change(data, changes, folder)
     return data, folder
 
 
@@ -184,9 +185,9 @@ def _base(path: Path) -> tuple[dict[str, Any], Path]:
     return read_toml(path, "a scenario in TOML"), path.parent
 
 
-def _change(base: dict[str, Any], changes: Sequence[str] | None) -> None:
+def _change(base: dict[str, Any], changes: Sequence[str] | None, folder: Path) -> None:
     for change in changes or ():
-        set_option(base, change)
+        set_option(base, change, folder)
 
 
 def _levels(value: Any, where: str) -> list[Any]:

@@ -15,6 +15,7 @@ from ..progress import RunsBar
 from ..terminal import console
 
 if TYPE_CHECKING:
+    from ...studies.fit_file import Task
     from ...studies.fitting import Fit
     from ...studies.openness import Openness
 
@@ -28,6 +29,7 @@ def fit(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="best.toml, fit.csv, open.csv, fit.png, and the run of the best.")
     ],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew; what the folder holds of a fit is replaced.")] = False,
     changes: Changes = None,
     jobs: Jobs = 1,
 ) -> None:
@@ -40,47 +42,61 @@ def fit(
 
     from mpi4py import MPI
 
-    from ...core.errors import check_outputs
     from ...core.parallel import on_rank_zero
     from ...studies.pool import Workers
 
-    rank = MPI.COMM_WORLD.rank
-    on_rank_zero(MPI.COMM_WORLD, lambda: check_outputs(output, [fit_run.BEST, fit_run.PROGRESS, fit_run.OPEN, fit_run.SHEET]))
+    rank, best = MPI.COMM_WORLD.rank, output / fit_run.BEST
+    bar = RunsBar(console, rank == 0)
+    workers = Workers(jobs, overwrite=True, report=bar)
 
     def say(found: Fit) -> None:
         away = ", ".join(f"{name} {d:.2f} mm" for name, d in found.distance.items())
         opened = f"; the jaw opens by {found.angle:.1f}°" if task.file.opening else ""
         console.print(f"run {found.evaluations}: {away} away (root mean square over time){opened}")
 
+    on_rank_zero(MPI.COMM_WORLD, lambda: fit_run.begin(task, output, overwrite))
     try:
         with within(file):
-            task = fit_run.glue(task, output, console.print)
+            task = fit_run.glue(task, console.print)
             fitting = fit_run.FitRun(task, output, say, console.print)
-            found = fitting.seek()
-            with RunsBar(console, rank == 0) as bar:
-                beside = fitting.look_beside(found, Workers(jobs, overwrite=True, report=bar))
-            if task.file.slopes == "full":
-                found = fitting.finish(beside)
-            fitting.leave(found)
+        found = fitting.seek()
+        with bar:
+            beside = fitting.look_beside(found, workers)
+        if task.file.slopes == "full":
+            found = fitting.finish(beside)
+        fitting.leave(found)
+        known = fitting.look_around(found, beside) if task.paths else None  # bounds and constrictions are no data
     except Interrupted as signal:
-        if not (best := output / fit_run.BEST).exists():
-            raise
-        raise Interrupted(signal.number, f"interrupted; the same command goes on from the best so far, {best}") from None
+        words = (
+            f"the same command goes on from the best so far, {best}" if best.exists() else "before its first run was over; nothing is left"
+        )
+        raise Interrupted(signal.number, f"interrupted, {words}") from None
     if rank == 0:
-        drawn = f", drawn in {output / fit_run.CONTOURS}" if (output / fit_run.CONTOURS).exists() else ""
-        files = f"the best is {output / fit_run.BEST}, its run {output / fit_run.RUN}{drawn}"
-        console.print(f"{found.reason.lower()} after {found.evaluations} runs; {files}")
-        for name, (most, t) in fit_run.farthest(task, output).items():
-            console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
-    if not task.paths:  # bounds and constrictions are no data
-        return
-    known = fitting.look_around(found, beside)
-    if rank == 0:
-        for line in _words(known):
-            console.print(line)
-        console.print(f"wrote {output / fit_run.OPEN} and {output / fit_run.SHEET}")
-        run, paths, film = output / fit_run.RUN, output / fit_run.PATHS, output / "fit.mp4"
-        console.print(f"the points in motion: tongue movie {run} --section midsagittal --beside {paths} -o {film}")
+        _print_result(task, output, found)
+        if known:
+            _print_openness(known, output)
+
+
+def _print_result(task: Task, output: Path, found: Fit) -> None:
+    """Print how the search ended."""
+    from ...studies import fit_run
+
+    drawn = f", drawn in {output / fit_run.CONTOURS}" if (output / fit_run.CONTOURS).exists() else ""
+    files = f"the best is {output / fit_run.BEST}, its run {output / fit_run.RUN}{drawn}"
+    console.print(f"{found.reason.lower()} after {found.evaluations} runs; {files}")
+    for name, (most, t) in fit_run.farthest(task, output).items():
+        console.print(f"  {name}: {found.distance[name]:.2f} mm away (root mean square), at most {most:.2f} mm, at {1e3 * t:.0f} ms")
+
+
+def _print_openness(known: Openness, output: Path) -> None:
+    """Print what the data leave open."""
+    from ...studies import fit_run
+
+    for line in _words(known):
+        console.print(line)
+    console.print(f"wrote {output / fit_run.OPEN} and {output / fit_run.SHEET}")
+    run, paths, film = output / fit_run.RUN, output / fit_run.PATHS, output / "fit.mp4"
+    console.print(f"the points in motion: tongue movie {run} --section midsagittal --beside {paths} -o {film}")
 
 
 def _words(known: Openness) -> Iterator[str]:

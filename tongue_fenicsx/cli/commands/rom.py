@@ -61,11 +61,15 @@ def run(
     from ...runs.inputs import Inputs
     from ...scenario.build import activation_of
     from ...scenario.files import dump, load
+    from ...scenario.remarks import not_followed
 
     tongue, loaded = ReducedTongue.load(model), load(scenario, changes)
     with within(scenario):
         for name in (courses := activation_of(loaded)):
             tongue.check(name)
+        beyond = not_followed(loaded, tongue)
+    if beyond:
+        console.print(f"note: it knows the bones and the tissue of the runs it learned from; not followed: {', '.join(beyond)}")
     result = play(tongue, OpenLoop(courses), loaded.time.end, loaded.output.every, output, Inputs(dump(loaded)), overwrite=overwrite)
     s = result.summary
     console.print(f"{s['n_steps']} steps, {s['wall_seconds']:.2f} s; wrong by {s['doubt_max_mm']:.2g} mm at most, by its own guess")
