@@ -630,7 +630,7 @@ def test_sensors_of_a_speaker(tongue: tf.TongueMesh, tongue_file: Path, tmp_path
     good = file.read_text()
     lines = (tmp_path / "ema.csv").read_text()
     (tmp_path / "comma.csv").write_text(lines.replace(",", ";").replace(".", ","))
-    (tmp_path / "slow.csv").write_text("".join(line for i, line in enumerate(lines.splitlines(keepends=True)) if i % 10 < 2))
+    (tmp_path / "slow.csv").write_text("".join(line for i, line in enumerate(lines.splitlines(keepends=True)) if i in (0, 1, 2, 17, 32)))
     file.write_text(good.replace("ema.csv", "comma.csv"))
     np.testing.assert_allclose(fit_run.glue(fit_file.read(file), said.append).paths["TT"].displacement, task.paths["TT"].displacement)
     for old, new in (('align = "scale"', 'align = "rigid"\nunit = "cm"'), ('"ALS"', '"PLS"')):
