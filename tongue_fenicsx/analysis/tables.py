@@ -46,7 +46,10 @@ class Table:
             If it cannot be read, names repeat, a line has other than a cell for each name, or no run is done.
         """
         with reading(path, "a table with names in its first line"):
-            head, *lines = csv.reader(path.read_text(encoding="utf-8-sig").splitlines(), strict=True)
+            rows_read = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines(), strict=True))
+            if len(rows_read) < 2:
+                raise ValueError("it has no line under its names" if rows_read else "it is empty")
+            head, *lines = rows_read
             if len(set(head)) < len(head):
                 raise ValueError("two columns have one name")
             for number, line in enumerate(lines, start=2):

@@ -33,7 +33,10 @@ def title_of(run: Run) -> str:
     """Name of the run, the muscles that moved it, and whose tongue it is."""
     muscles = sorted({base_name(name) for name, level in run.activation.items() if level.any()})
     tongue = f" ({run.summary['name']})" if "name" in run.summary else ""
-    return f"{Path(str(run)).name}: {', '.join(muscles) or 'no active muscle'}{tongue}"
+    *_, above, name = ("", *Path(str(run)).parts)
+    if name == "run" and above:  # of a fit, as of every other one
+        name = f"{above}/{name}"
+    return f"{name}: {', '.join(muscles) or 'no active muscle'}{tongue}"
 
 
 def curves(lines: Floats, **style: Any) -> LineCollection:

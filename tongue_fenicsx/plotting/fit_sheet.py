@@ -57,12 +57,16 @@ def draw_fit(
     above.suptitle("activations; shaded: what the data cannot tell apart (two standard deviations)")
     for axes, name in _panels(below, rows[1], list(paths)):
         (times, wanted), moved = paths[name], 1e3 * run.probes[name]
+        inside = 1e3 * times <= t[-1] + 1e-6
+        times, wanted = times[inside], wanted[inside]
         for colour, axis, toward in zip(cycle(PATHS), (0, 2), ("backward", "upward"), strict=False):
-            axes.plot(1e3 * times, 1e3 * wanted[:, axis], "o", color=colour, markersize=3, alpha=0.5)
+            axes.plot(
+                1e3 * times, 1e3 * wanted[:, axis], "o", color=colour, markersize=3.5, alpha=0.6, clip_on=False, label=f"{toward}, wanted"
+            )
             axes.plot(1e3 * run.time, moved[:, axis], color=colour, label=toward)
         axes.set(title=f"{name}: {away[name]:.2f} mm away", xlim=(0, t[-1]), xlabel="time in ms", ylabel="displacement in mm")
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=7)
     below.suptitle("points, and where they should be (dots)")
     return save_both(figure, path)[0]
 

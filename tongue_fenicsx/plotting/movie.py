@@ -72,7 +72,7 @@ def draw_movie(
     if path.suffix not in WRITERS:
         raise InputError(f"{path}: a movie named {' or '.join(WRITERS)} is expected.")
     if view is not None and view not in VIEWS:
-        raise InputError(f"movie: view {view!r} is not one of {', '.join(VIEWS)}.")
+        raise InputError(f"movie: --view {view!r} is not one of {', '.join(VIEWS)}.")
     if beside and view is not None:
         raise InputError("movie: points beside the tongue are drawn in its section; leave out the view.")
     field = SHORT.get(quantity, quantity)
@@ -81,7 +81,7 @@ def draw_movie(
         outputs = run.output_times
     first, last = (check_moment(run, t, "movie") for t in (outputs[0] if start is None else start, outputs[-1] if end is None else end))
     if not first < last:
-        raise InputError(f"movie: from {first:g} to {last:g} s; a start before the end is expected.")
+        raise InputError(f"movie: --from {first:g} --to {last:g} s; a start before the end is expected.")
     times = np.linspace(first, last, max(round(seconds * fps), 2))
     seen = np.unique([first, *outputs[(outputs > first) & (outputs < last)], last])
 

@@ -237,6 +237,8 @@ class RunWriter:
                 self._fields.note(file)
         except InputError:
             raise
+        except FileNotFoundError as error:
+            raise InputError(f"{self.store}: nothing to resume, as {name} is not there; run without --resume.") from error
         except (OSError, ValueError, KeyError, TypeError) as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(

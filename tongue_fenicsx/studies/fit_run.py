@@ -170,7 +170,8 @@ def goals_of(task: Task, simulation: Simulation, say: Callable[[str], object]) -
     for name, narrow in file.constriction.items():
         for wall in narrow.walls:
             if wall not in walls:
-                raise InputError(f"constriction.{name}: no contact with a wall {wall!r}; there is {', '.join(walls) or 'none'}.")
+                known = f"there is {', '.join(walls)}" if walls else "the base has none, such as [contact.palate]"
+                raise InputError(f"constriction.{name}: no contact with a wall {wall!r}; {known}.")
         places, part = wall_of(walls, 1e3 * outline.points[:, [0, 2]].mean(axis=0))
         low, high = narrow.x or (-np.inf, np.inf)
         there = places[np.isin(part, narrow.walls) & (low <= places[:, 0]) & (places[:, 0] <= high)]

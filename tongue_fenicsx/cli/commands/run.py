@@ -101,6 +101,9 @@ def _print_result(run: Run) -> None:
     for name, u in s["probes"].items():
         console.print(f"  {name}: {1e3 * u[0]:+.1f} mm backward, {1e3 * u[2]:+.1f} mm up")
     for name, touch in s["contact"].items():
+        if touch["area_max_m2"] == 0:
+            console.print(f"  contact with {name}: none")
+            continue
         console.print(
             f"  contact with {name}: up to {touch['force_max_N']:.2g} N on {1e6 * touch['area_max_m2']:.0f} mm², "
             f"{1e3 * touch['penetration_max_m']:.2g} mm deep"
