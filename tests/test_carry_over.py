@@ -126,6 +126,10 @@ def test_what_is_no_tongue_is_said(tmp_path: Path, capsys: pytest.CaptureFixture
         code, said = command(capsys, "subject", "init", tmp_path / "new", tmp_path / f"{name}.ply")
         assert code == 2
         assert {"turned": "mirrored at any plane across its axes", "two": "holds 2 bodies"}[name] in " ".join(said.split())
+    for name, solid in (("ball", pv.Sphere(radius=30)), ("egg", pv.ParametricEllipsoid(35, 25, 28).triangulate())):
+        solid.save(tmp_path / f"{name}.ply")
+        code, said = command(capsys, "subject", "init", tmp_path / "new", tmp_path / f"{name}.ply")
+        assert (code, "resembles a tongue as much in one attitude" in " ".join(said.split())) == (2, True), said
     (tmp_path / "file").touch()
     for folder in (tmp_path / "file", tmp_path / ("x" * 300)):
         code, said = command(capsys, "subject", "init", folder, _as_found(tmp_path))

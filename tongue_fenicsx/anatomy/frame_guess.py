@@ -23,6 +23,9 @@ ASKEW = 0.03
 """No tongue is farther from its own mirror image, of its length; turned by 10° out of a mid-sagittal plane it is."""
 UNLIKE = 0.08
 """No tongue is farther from the built-in one, of its length."""
+ALIKE = 1.1
+"""By this factor at least a tongue is farther from the built-in one in any other attitude: five real ones by 1.19 and more, a ball, an egg
+and an ellipsoid by 1.03 at most."""
 TURNED = 45.0
 """A surface that must be turned farther, in degrees, lies along other axes."""
 
@@ -90,10 +93,16 @@ def guess_frame(surface: Surface, source: str) -> Guess:
             found.append((distance, _angle(laid), turn))
     upright = [entry for entry in found if entry[1] <= TURNED]
     distance, turned, turn = min(upright, key=lambda entry: entry[0], default=(np.inf, 0.0, np.eye(3)))
+    other = min(entry[0] for entry in found if entry[2] is not turn)
     if distance > UNLIKE * length:
         raise InputError(
             f"{source}: the surface resembles a tongue in no attitude: the built-in one, laid on it, is {1e3 * distance:.1f} mm away, at "
             f"most {1e3 * UNLIKE * length:.1f} mm is accepted. If it is one, make the folder and its frame.toml by hand."
+        )
+    if other < ALIKE * distance:
+        raise InputError(
+            f"{source}: the surface resembles a tongue as much in one attitude ({1e3 * distance:.1f} mm away) as in another "
+            f"({1e3 * other:.1f} mm), as a ball does. If it is a tongue, make the folder and its frame.toml by hand."
         )
     rows = abs(turn).argmax(axis=0)
     axes = "".join("PRS"[row] if turn[row, axis] > 0 else "ALI"[row] for axis, row in enumerate(rows))
