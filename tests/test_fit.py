@@ -534,6 +534,8 @@ def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
             "contour.drawn: it lies up to 40000 mm from the origin",
         ),
         ('"GGP", "MH"', '"GGP", "GGP"', "muscles: 'GGP' is named twice"),
+        ('["GGP", "MH"]', '"GGP"', "muscles: a list is expected (given: 'GGP')"),
+        ("[target.root]", "[point.tip]\nx = 5\n[target.root]", "point.tip.x: a list is expected (given: 5)"),
         ('unit = "m"', 'unit = "inch"', "one of m, cm, mm"),
         ('"GGP", "MH"', "", "muscles: at least one"),
         ("knots = 0.02", "knots = 0.02\nbounds = { SL = [0.1, 0.2] }", "bounds.SL: [0.1, 0.2]; one of muscles, GGP, MH, is expected"),

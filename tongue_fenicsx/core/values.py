@@ -331,6 +331,12 @@ def explain(error: ValidationError, root: Any, where: Sequence[Any] = ()) -> str
         return f"{key}: {type(given).__name__} is given, {wanted} is expected."
     if first["type"] in ("model_type", "dict_type", "dataclass_type", "mapping_type"):
         return f"{key or 'scenario'}: a table is expected (given: {short(given)})."
+    if first["type"] in ("list_type", "tuple_type", "sequence_str"):
+        return f"{key}: a list is expected (given: {short(given)})."
+    if first["type"] in ("too_short", "too_long"):
+        least, most = first["ctx"].get("min_length"), first["ctx"].get("max_length")
+        counted = f"at least {least}" if first["type"] == "too_short" else f"at most {most}"
+        return f"{key}: {counted} entries are expected (given: {short(given)})."
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "value_error":
         return f"{key or 'scenario'}: {message.rstrip('.')}."
