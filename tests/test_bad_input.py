@@ -184,7 +184,7 @@ CHANGES = [
     ("activation.X.pieces=[[0.1,0,1]]", "activation.X: no muscle 'X' in the mesh; It has no muscles with fibres"),
     ("activation.X.pieces=[]", "activation.X: activation: no pieces"),
     ("activation.X.pieces=[[0,0,1]]", "activation.X.pieces.0.0: 0 s; a positive number"),
-    ("activation.X.pieces=[[0.1,0,1,1]]", "activation.X.pieces.0: tuple should have at most 3 items"),
+    ("activation.X.pieces=[[0.1,0,1,1]]", "activation.X.pieces.0: at most 3 entries are expected"),
     ("activation.X.pieces=[[0.1,0,true]]", "activation.X.pieces.0.2: True; a number from 0 to 1"),
     ("activation.X.pieces=ramp", "activation.X.pieces: a list is expected (given: 'ramp')"),
 ]
