@@ -12,10 +12,14 @@ import typer
 
 from ..terminal import console
 
+PAGES = (".html", ".htm")
+
 
 def live(
     model: Annotated[Path | None, typer.Argument(metavar="MODEL.npz", help="A reduced tongue; without it one that comes along.")] = None,
-    tissue: Annotated[str, typer.Option("--tissue", help="Of the one that comes along.")] = "buchaillard",
+    tissue: Annotated[
+        str | None, typer.Option("--tissue", help="Of the one that comes along: buchaillard (without this) or calka.")
+    ] = None,
     save: Annotated[
         Path | None, typer.Option("--save", metavar="PAGE.html", help="Write the page, which opens from disk, and end.")
     ] = None,
@@ -26,15 +30,19 @@ def live(
     ),
 ) -> None:
     """Play with a tongue in the browser: sliders and a timeline for its muscles; it computes in the page itself."""
-    from ...core.errors import check_outputs
+    from ...core.errors import InputError, check_outputs
     from ...core.files import at_once
     from ...reduced.tongue import ReducedTongue
     from ...report.live import live_page
     from ...report.serving import serve
 
+    if model is not None and tissue is not None:
+        raise InputError(f"{model} and --tissue {tissue}: give one of them.")
+    if save is not None and save.suffix.lower() not in PAGES:
+        raise InputError(f"--save {save}: a page named {' or '.join(PAGES)} is expected.")
     if save is not None:
         check_outputs(save.parent, [save.name])
-    page = live_page(ReducedTongue.load(model) if model is not None else ReducedTongue.shipped(tissue))
+    page = live_page(ReducedTongue.load(model) if model is not None else ReducedTongue.shipped(tissue or "buchaillard"))
     if save is None:
         serve(page, port, browser, lambda address: console.print(f"{address}  (Ctrl-C ends it)"), lambda scenario: _check(scenario, runs))
         return
