@@ -434,11 +434,11 @@ def test_from_nothing(tongue_file: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert (code, "tissue.preset: 'kappert'; the reduced tongue learned from runs with 'buchaillard'" in said) == (2, True), said
     code, said = command(capsys, "rom", "run", model, scenario, "-o", tmp_path / "down", "--set", "gravity.posture=upright")
     assert (code, "not followed: gravity" in said) == (0, True), said
-    for options, message in (
+    for given, message in (
         (("--tissue", "calka"), "--tissue calka: give one of them"),
         ((), "page.txt: a page named .html or .htm is expected"),
     ):
-        code, said = command(capsys, "live", model, *options, "--save", tmp_path / "page.txt")
+        code, said = command(capsys, "live", model, *given, "--save", tmp_path / "page.txt")
         assert (code, message in said) == (2, True), said
     code, said = command(capsys, "live", model, "--save", tmp_path / "page.html")
     assert code == 0, said
