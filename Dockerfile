@@ -19,10 +19,10 @@ ENV PATH=/opt/tongue/bin:$PATH OMP_NUM_THREADS=1 XDG_CACHE_HOME=/work/.cache MPL
 USER tongue
 WORKDIR /work
 COPY --chown=tongue demos ./demos
-# the mesh of the demos, and the compiled forms of the two kinds that most of them are: free and in contact; anyone may use the cache
+# the mesh of the demos, and the compiled forms of make demo and of the two kinds that most others are: free and in contact; anyone may use
+# the cache
 RUN tongue build -o meshes/tongue_coarse.msh --preset coarse \
- && tongue run demos/ggp.toml -o /tmp/ggp --set time.end=0.01 --no-figures \
- && tongue run demos/sequence.toml -o /tmp/sequence --set time.end=0.01 --no-figures \
- && rm -rf /tmp/ggp /tmp/sequence && chmod -R a+rwX .cache
+ && for demo in ggp sequence say_t; do tongue run demos/$demo.toml -o /tmp/$demo --set time.end=0.01 --no-figures && rm -r /tmp/$demo || exit 1; done \
+ && chmod -R a+rwX .cache
 ENTRYPOINT ["tongue"]
 CMD ["--help"]
