@@ -138,16 +138,22 @@ class Scene:
             yield show
 
     def _look(self, plotter: pv.Plotter, view: str) -> None:
-        """Turn the eye to the room of the tongue, in parallel projection."""
+        """Turn the eye to the room of the tongue, in parallel projection, and up or down to the bones as far as there is room."""
         eye, up = map(np.array, VIEWS[view])
         toward = eye / np.linalg.norm(eye)
         across = np.cross(up, toward) / np.linalg.norm(np.cross(up, toward))
         corners = np.stack(np.meshgrid(*zip(self.low, self.high, strict=True)), axis=-1).reshape(-1, 3)
-        wide, tall = (np.ptp(corners @ axis) for axis in (across, np.cross(toward, across)))
+        upward = np.cross(toward, across)
+        wide, tall = (np.ptp(corners @ axis) for axis in (across, upward))
         centre, away = (self.low + self.high) / 2, 10 * float(np.linalg.norm(self.high - self.low))
+        half = 0.66 * max(tall, wide * HEIGHT / WIDTH)
+        if bones := [1e3 * surface.points @ upward for surface in self.run.obstacles_at_rest.values()]:
+            seen = np.concatenate(bones)
+            aside, room = (seen.min() + seen.max()) / 2 - centre @ upward, half - tall / 2
+            centre = centre + np.clip(aside, -room, room) * upward
         plotter.enable_parallel_projection()
         plotter.camera_position = (centre + away * toward, centre, up)
-        plotter.camera.parallel_scale = 0.66 * max(tall, wide * HEIGHT / WIDTH)
+        plotter.camera.parallel_scale = half
         plotter.enable_anti_aliasing("msaa")
 
     @contextmanager
@@ -214,7 +220,7 @@ def stage(run: Run, field: str, times: Floats, view: str | None, beside: Places 
     bar = figure.colorbar(scene.colours, cax=figure.add_axes((0.885, 0.16, 0.018, 0.66)), extend=extend)
     bar.set_label(_label(field), fontsize=9)
     bar.ax.tick_params(labelsize=8)
-    figure.text(0.02, 0.945, title_of(run), fontsize=11)
+    figure.text(0.02, 0.945, title_of(run), fontsize=11, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 2})
     clock = figure.text(0.885, 0.945, "", fontsize=11)
     with scene.in_space(figure, view) if view else scene.in_section(figure, beside or {}) as show:
 
