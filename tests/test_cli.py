@@ -197,6 +197,7 @@ def test_run_and_check(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert code == 2
     assert "cannot be written" in text
     code, text = tongue(capsys, "run", scenario, "-o", tmp_path / "new", "--resume")
+    assert f"{tmp_path / 'new'}: nothing to resume, as checkpoint.h5 is not there; run without --resume" in " ".join(text.split())
     assert code == 2
     assert "nothing to resume" in text
 

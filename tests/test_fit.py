@@ -533,6 +533,11 @@ def test_targets_of_postures(posture: str, tongue: tf.TongueMesh) -> None:
             '[contour.drawn]\ntable = "drawn.csv"\nunit = "m"\n[target.root]',
             "contour.drawn: it lies up to 40000 mm from the origin",
         ),
+        (
+            "[target.root]",
+            '[contour.drawn]\ntable = "drawn.csv"\nfree = true\n[target.root]',
+            "contour.drawn: 2 places that are free; at least 3",
+        ),
         ('"GGP", "MH"', '"GGP", "GGP"', "muscles: 'GGP' is named twice"),
         ('["GGP", "MH"]', '"GGP"', "muscles: a list is expected (given: 'GGP')"),
         ("[target.root]", "[point.tip]\nx = 5\n[target.root]", "point.tip.x: a list is expected (given: 5)"),

@@ -238,7 +238,7 @@ class RunWriter:
         except InputError:
             raise
         except FileNotFoundError as error:
-            raise InputError(f"{self.store}: nothing to resume, as {name} is not there; run without --resume.") from error
+            raise InputError(f"nothing to resume, as {name} is not there; run without --resume.") from error
         except (OSError, ValueError, KeyError, TypeError) as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(

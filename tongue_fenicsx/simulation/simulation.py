@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..anatomy.catalogue import resolve
-from ..core.errors import InputError
+from ..core.errors import InputError, within
 from ..core.fingerprint import fingerprint
 from ..core.parallel import on_rank_zero
 from ..mechanics.activation import Course, FunctionOfTime
@@ -177,7 +177,8 @@ class Simulation:
             loop = Loop(engine, task, writer, str(output or "memory"))
             log.say(f"{model.tongue.name}: {engine.n_unknowns} unknowns on {comm.size} rank(s)")
             if resume:
-                saved = writer.read_checkpoint()
+                with within(output):
+                    saved = writer.read_checkpoint()
                 log.open(anew=False)
                 loop.resume(saved, clock)
             else:

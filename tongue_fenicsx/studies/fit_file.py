@@ -39,6 +39,8 @@ Axes = Annotated[str, AfterValidator(check_axes)]
 JAW, TOOTH = "mandible", "(tooth)"
 """The bone that a sensor on the lower teeth moves, about an axis to the left, so that opening is positive; and that sensor, whose name no
 other can have."""
+POSE = 3
+"""Numbers by which free places are laid, so that fewer places than these say nothing."""
 FAR = 0.15
 """In m: no place of a tongue lies or moves farther."""
 BEGINS, SLOPES = ("flat", "live"), ("reduced", "full")
@@ -252,6 +254,8 @@ def read(path: Path, changes: list[str] | None = None) -> Task:
             with within(f"contour.{name}"):
                 contours[name] = 1e3 * UNITS[drawn.unit] * _rows_of(folder / drawn.table, 2, "two columns, backward and up,")
                 _check_near(contours[name] / 1e3)
+                if drawn.free and len(contours[name]) < POSE:
+                    raise InputError(f"{len(contours[name])} places that are free; at least {POSE} are expected.")
         for name, whole in file.surface.items():
             frame = Frame(whole.unit, whole.axes, whole.mid_plane)
             with within(f"surface.{name}"):
